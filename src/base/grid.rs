@@ -1,0 +1,109 @@
+/// A picture's worth of numbers: row-major, row 0 at the top.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Grid<T> {
+    columns: usize,
+    rows: usize,
+    data: Vec<T>,
+}
+
+impl<T: Clone> Grid<T> {
+    /// A grid where every cell holds `value`.
+    pub fn filled(columns: usize, rows: usize, value: T) -> Self {
+        Self { columns, rows, data: vec![value; columns * rows] }
+    }
+}
+
+impl<T> Grid<T> {
+    /// Wraps row-major data.
+    ///
+    /// # Panics
+    /// If `data` does not hold exactly `columns * rows` values: that is a mistake of the caller,
+    /// never of an input.
+    pub fn from_vec(columns: usize, rows: usize, data: Vec<T>) -> Self {
+        assert_eq!(data.len(), columns * rows, "grid of {columns} x {rows}");
+        Self { columns, rows, data }
+    }
+
+    /// Width in pixels.
+    pub fn columns(&self) -> usize {
+        self.columns
+    }
+
+    /// Height in pixels.
+    pub fn rows(&self) -> usize {
+        self.rows
+    }
+
+    /// All values, row-major.
+    pub fn data(&self) -> &[T] {
+        &self.data
+    }
+
+    /// All values, row-major.
+    pub fn data_mut(&mut self) -> &mut [T] {
+        &mut self.data
+    }
+
+    /// The values of one row.
+    pub fn row(&self, row: usize) -> &[T] {
+        &self.data[row * self.columns..(row + 1) * self.columns]
+    }
+
+    /// A grid of the same size with `f` applied to every value.
+    pub fn map<U>(&self, f: impl FnMut(&T) -> U) -> Grid<U> {
+        Grid { columns: self.columns, rows: self.rows, data: self.data.iter().map(f).collect() }
+    }
+}
+
+impl<T> std::ops::Index<(usize, usize)> for Grid<T> {
+    type Output = T;
+
+    /// The value at `(column, row)`.
+    fn index(&self, (column, row): (usize, usize)) -> &T {
+        assert!(column < self.columns, "column {column} of {}", self.columns);
+        &self.data[row * self.columns + column]
+    }
+}
+
+impl<T> std::ops::IndexMut<(usize, usize)> for Grid<T> {
+    fn index_mut(&mut self, (column, row): (usize, usize)) -> &mut T {
+        assert!(column < self.columns, "column {column} of {}", self.columns);
+        &mut self.data[row * self.columns + column]
+    }
+}
+
+/// A rectangle of pixels: the unit in which views are rendered and volumes are written.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub struct TileRect {
+    /// Left-most column.
+    pub column: usize,
+    /// Top row.
+    pub row: usize,
+    /// Width in pixels.
+    pub columns: usize,
+    /// Height in pixels.
+    pub rows: usize,
+}
+
+impl TileRect {
+    /// Number of pixels in the tile.
+    pub fn pixels(&self) -> usize {
+        self.columns * self.rows
+    }
+}
+
+/// The tiles of at most `edge` x `edge` pixels that cover a view, row by row.
+pub fn tiles(columns: usize, rows: usize, edge: usize) -> Vec<TileRect> {
+    let mut out = Vec::new();
+    for row in (0..rows).step_by(edge) {
+        for column in (0..columns).step_by(edge) {
+            out.push(TileRect {
+                column,
+                row,
+                columns: edge.min(columns - column),
+                rows: edge.min(rows - row),
+            });
+        }
+    }
+    out
+}

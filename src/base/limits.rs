@@ -1,0 +1,27 @@
+//! Every bound that the program puts on its input, in one place. A number read from a file is a
+//! claim; it is held against these before it sizes an allocation.
+
+/// Triangles in a scene.
+pub const MAX_TRIANGLES: usize = 32_000_000;
+/// PV surfaces: a photon carries the surface's number as u16.
+pub const MAX_PV_SURFACES: usize = 65_535;
+/// Timesteps in a year: one a second would be 31.5 million.
+pub const MAX_TIMESTEPS: usize = 16_000_000;
+/// Pixels along one edge of a view.
+pub const MAX_VIEW_EDGE: usize = 65_536;
+/// Pixels of a view.
+pub const MAX_VIEW_PIXELS: usize = 64_000_000;
+/// Photons that a store may hold.
+pub const MAX_PHOTONS: u64 = 1 << 40;
+/// Bytes of text header at the start of a file of ours.
+pub const MAX_HEADER_BYTES: usize = 1 << 20;
+/// Bytes of a scene, material or project file that is read whole.
+pub const MAX_TEXT_FILE_BYTES: u64 = 4 << 30;
+/// Edge of the tiles in which views are rendered and volumes are stored, pixels.
+pub const TILE_EDGE: usize = 32;
+/// Findings that are printed before "and N more".
+pub const MAX_FINDINGS_SHOWN: usize = 20;
+
+const _: () = assert!(MAX_PV_SURFACES <= u16::MAX as usize);
+const _: () = assert!(TILE_EDGE * TILE_EDGE <= u16::MAX as usize + 1);
+const _: () = assert!(MAX_TIMESTEPS < u32::MAX as usize);

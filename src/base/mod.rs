@@ -1,0 +1,27 @@
+//! Words that every room uses: plain data without the behaviour of a room, and the seams
+//! (small traits) through which rooms deliver to others that they don't know.
+
+mod fault;
+mod finding;
+mod grid;
+mod header;
+pub mod limits;
+mod photon;
+mod progress;
+mod rng;
+mod seam;
+mod space;
+mod tally;
+mod time;
+
+pub use fault::FaultKind;
+pub use finding::{Finding, Place, Severity};
+pub use grid::{Grid, TileRect, tiles};
+pub use header::Provenance;
+pub use photon::Photon;
+pub use progress::{Interrupted, Progress, Silent};
+pub use rng::{Purpose, Stream};
+pub use seam::{PhotonSink, SeriesEntry, SinkError, TileSink};
+pub use space::{Aabb, Frame};
+pub use tally::{Account, Fate, Tally};
+pub use time::{SpectralBasis, Timeline, Timestep};

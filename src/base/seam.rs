@@ -1,0 +1,46 @@
+use super::{Interrupted, Photon, TileRect};
+
+/// Why a sink could not take what it was given.
+#[derive(Debug, thiserror::Error)]
+pub enum SinkError {
+    /// The file system refused.
+    #[error(transparent)]
+    Io(#[from] std::io::Error),
+    /// The user asked to stop.
+    #[error(transparent)]
+    Interrupted(#[from] Interrupted),
+}
+
+/// Takes photons as they land. `trace` delivers, `pages` keeps them; `run` joins the two.
+pub trait PhotonSink: Send {
+    /// Takes the photons of the next batch. Batches come in their own order, one at a time, so
+    /// that what is written doesn't depend on the number of threads.
+    ///
+    /// # Errors
+    /// When the photons can't be kept (a full disk).
+    fn accept(&mut self, photons: &[Photon]) -> Result<(), SinkError>;
+}
+
+/// One irradiance of a time series in a tile.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SeriesEntry {
+    /// Index of the timestep.
+    pub timestep: u32,
+    /// Pixel in the tile: `row_in_tile * tile.columns + column_in_tile`.
+    pub pixel: u16,
+    /// Irradiance, W/m2; never 0 (what is absent is exactly 0).
+    pub irradiance_w_m2: f32,
+}
+
+/// Takes the time series of one tile at a time. `render` delivers, `volume` keeps them.
+pub trait TileSink: Sync {
+    /// Whether the tile was written and sealed before: then it isn't rendered again.
+    fn has(&self, tile: TileRect) -> bool;
+
+    /// Writes and seals a tile. `entries` are sorted by timestep, then pixel, without doubles.
+    /// Called from many threads, for each tile once.
+    ///
+    /// # Errors
+    /// When the tile can't be written (a full disk).
+    fn put(&self, tile: TileRect, entries: &[SeriesEntry]) -> Result<(), SinkError>;
+}

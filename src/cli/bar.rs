@@ -1,0 +1,70 @@
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, Mutex};
+use std::time::Duration;
+
+use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
+
+use crate::base::{Interrupted, Progress};
+
+/// Progress on standard error, with a rate and the time left.
+pub(super) struct Bar {
+    quiet: bool,
+    stop: Arc<AtomicBool>,
+    current: Mutex<Option<ProgressBar>>,
+}
+
+impl Bar {
+    pub(super) fn new(quiet: bool, stop: Arc<AtomicBool>) -> Self {
+        Self { quiet, stop, current: Mutex::new(None) }
+    }
+
+    fn current(&self) -> std::sync::MutexGuard<'_, Option<ProgressBar>> {
+        // A poisoned lock means that a thread died while drawing: the bar itself is still whole.
+        self.current.lock().unwrap_or_else(std::sync::PoisonError::into_inner)
+    }
+}
+
+impl Progress for Bar {
+    fn begin(&self, what: &str, total: u64, unit: &str) {
+        let target = if self.quiet {
+            ProgressDrawTarget::hidden()
+        } else {
+            ProgressDrawTarget::stderr_with_hz(5)
+        };
+        let template = format!(
+            "{{msg:34!}} {{bar:24}} {{percent:>3}} % {{human_pos}}/{{human_len}} {unit}, {{per_sec}}, {{eta}} left"
+        );
+        let style = ProgressStyle::with_template(&template)
+            .unwrap_or_else(|_| ProgressStyle::default_bar());
+        let bar = ProgressBar::with_draw_target(Some(total), target).with_style(style);
+        bar.set_message(what.to_owned());
+        bar.enable_steady_tick(Duration::from_millis(500));
+        *self.current() = Some(bar);
+    }
+
+    fn advance(&self, units: u64) {
+        if let Some(bar) = self.current().as_ref() {
+            bar.inc(units);
+        }
+    }
+
+    fn finish(&self) {
+        if let Some(bar) = self.current().take() {
+            bar.finish_and_clear();
+        }
+    }
+
+    fn say(&self, message: &str) {
+        if self.quiet {
+            return;
+        }
+        match self.current().as_ref() {
+            Some(bar) => bar.suspend(|| eprintln!("{message}")),
+            None => eprintln!("{message}"),
+        }
+    }
+
+    fn check(&self) -> Result<(), Interrupted> {
+        if self.stop.load(Ordering::Relaxed) { Err(Interrupted) } else { Ok(()) }
+    }
+}

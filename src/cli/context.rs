@@ -1,0 +1,53 @@
+use std::io::Write;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+
+use serde::Serialize;
+
+use super::{Common, bar::Bar};
+use crate::base::Progress;
+
+/// What a command knows of the outside: how to print, how to report progress.
+pub struct Context {
+    /// The options that every command takes.
+    pub common: Common,
+    progress: Bar,
+}
+
+impl Context {
+    pub(super) fn new(common: Common) -> anyhow::Result<Self> {
+        if let Some(threads) = common.threads {
+            rayon::ThreadPoolBuilder::new().num_threads(threads.get()).build_global()?;
+        }
+        let stop = Arc::new(AtomicBool::new(false));
+        let flag = Arc::clone(&stop);
+        ctrlc::set_handler(move || {
+            // The second time the user means it: leave at once. Nothing sealed is lost.
+            if flag.swap(true, Ordering::Relaxed) {
+                std::process::exit(130);
+            }
+        })?;
+        let progress = Bar::new(common.quiet, stop);
+        Ok(Self { common, progress })
+    }
+
+    /// Where long work reports to.
+    pub fn progress(&self) -> &dyn Progress {
+        &self.progress
+    }
+
+    /// Prints a result: the JSON document with `--json`, else the text.
+    ///
+    /// # Errors
+    /// When standard output is closed.
+    pub fn print(&self, document: &impl Serialize, text: &str) -> anyhow::Result<()> {
+        let mut out = std::io::stdout().lock();
+        if self.common.json {
+            serde_json::to_writer_pretty(&mut out, document)?;
+            writeln!(out)?;
+        } else {
+            writeln!(out, "{}", text.trim_end_matches('\n'))?;
+        }
+        Ok(())
+    }
+}

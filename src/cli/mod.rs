@@ -1,0 +1,72 @@
+//! One file a command: each parses its arguments, wires rooms together and prints. No logic.
+
+mod bar;
+mod context;
+mod convert;
+mod exit;
+mod glare;
+mod inspect;
+mod picture;
+mod suns;
+mod verify;
+mod volume;
+
+pub use context::Context;
+pub use exit::exit_code;
+
+use clap::{Args, Parser, Subcommand};
+
+/// Where, when and for how long does a photovoltaic surface dazzle its neighbourhood?
+#[derive(Debug, Parser)]
+#[command(name = "glintmap", version, propagate_version = true, max_term_width = 100)]
+pub struct Cli {
+    #[command(flatten)]
+    common: Common,
+    #[command(subcommand)]
+    command: Command,
+}
+
+/// What every command takes.
+#[derive(Clone, Debug, Args)]
+pub struct Common {
+    /// Print exactly one JSON document on standard output
+    #[arg(long, global = true)]
+    pub json: bool,
+    /// No progress, no notes: only results and errors
+    #[arg(long, short, global = true)]
+    pub quiet: bool,
+    /// Threads to use [default: one for each core]
+    #[arg(long, global = true, value_name = "N")]
+    pub threads: Option<std::num::NonZeroUsize>,
+}
+
+#[derive(Debug, Subcommand)]
+enum Command {
+    Suns(suns::Arguments),
+    #[command(subcommand)]
+    Glare(glare::Command),
+    #[command(subcommand)]
+    Volume(volume::Command),
+    #[command(subcommand)]
+    Picture(picture::Command),
+    Convert(convert::Arguments),
+    Inspect(inspect::Arguments),
+    Verify(verify::Arguments),
+}
+
+/// Runs the command; what it returns was not yet printed.
+///
+/// # Errors
+/// Any room's error, with the context that the command adds. [`exit_code`] says what it means.
+pub fn run(cli: Cli) -> anyhow::Result<()> {
+    let context = Context::new(cli.common)?;
+    match cli.command {
+        Command::Suns(arguments) => suns::run(&arguments, &context),
+        Command::Glare(command) => glare::run(&command, &context),
+        Command::Volume(command) => volume::run(&command, &context),
+        Command::Picture(command) => picture::run(&command, &context),
+        Command::Convert(arguments) => convert::run(&arguments, &context),
+        Command::Inspect(arguments) => inspect::run(&arguments, &context),
+        Command::Verify(arguments) => verify::run(&arguments, &context),
+    }
+}

@@ -1,0 +1,1 @@
+//! How PV scatters light.

@@ -1,0 +1,105 @@
+use glam::{DVec3, Vec3};
+
+use super::Bvh;
+use crate::base::{Aabb, Finding};
+
+/// A triangle, metres from the local origin; counter-clockwise seen from its front.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Triangle {
+    /// Its corners.
+    pub corners: [Vec3; 3],
+    /// Index into [`Site::faces`]: the surface of the source that it is part of.
+    pub face: u32,
+}
+
+impl Triangle {
+    /// Unit normal of the front; zero for a degenerate triangle.
+    pub fn normal(&self) -> Vec3 {
+        let [a, b, c] = self.corners;
+        (b - a).cross(c - a).normalize_or_zero()
+    }
+
+    /// Area, m2.
+    pub fn area_m2(&self) -> f32 {
+        let [a, b, c] = self.corners;
+        (b - a).cross(c - a).length() * 0.5
+    }
+}
+
+/// A surface as the source has it (a polygon, a sphere, a mesh): triangles share it.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Face {
+    /// Index into [`Site::objects`].
+    pub object: u32,
+    /// Index into [`Site::materials`].
+    pub material: u32,
+    /// The PV surface that it belongs to.
+    pub pv: Option<u16>,
+}
+
+/// A thing with a name: a building of a city model, an identifier of a Radiance file.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Object {
+    /// The name in the source.
+    pub id: String,
+    /// What the source says it is: `RoofSurface`, `polygon`, `TINRelief`, or empty.
+    pub kind: String,
+}
+
+/// A material of the scene, as far as the background picture and the checks need it.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Material {
+    /// The name in the source.
+    pub name: String,
+    /// Diffuse reflectance per colour channel, 0..1.
+    pub reflectance: [f32; 3],
+    /// Whether it is diffuse alone (`receivers = "diffuse"` keeps photons only there).
+    pub diffuse: bool,
+}
+
+/// A PV surface: one planar face of a `[[pv]]` entry; photons carry its index.
+#[derive(Clone, Debug, PartialEq)]
+pub struct PvSurface {
+    /// The entry's name, with `/N` behind it where the entry selects several faces.
+    pub name: String,
+    /// Index of the `[[pv]]` entry.
+    pub entry: usize,
+    /// Its triangles, indices into [`Site::triangles`].
+    pub triangles: Vec<u32>,
+    /// Unit normal of the front.
+    pub normal: DVec3,
+    /// Area, m2.
+    pub area_m2: f64,
+    /// Whether the back emits as well.
+    pub two_sided: bool,
+}
+
+/// The whole scene, ready for rays.
+#[derive(Debug)]
+pub struct Site {
+    /// All triangles.
+    pub triangles: Vec<Triangle>,
+    /// All surfaces of the sources.
+    pub faces: Vec<Face>,
+    /// All named things.
+    pub objects: Vec<Object>,
+    /// All materials.
+    pub materials: Vec<Material>,
+    /// The PV, by surface number.
+    pub pv: Vec<PvSurface>,
+    /// Map coordinates of the local origin, m.
+    pub origin: DVec3,
+    /// Extent, metres from the local origin.
+    pub bounds: Aabb,
+    /// The rays.
+    pub bvh: Bvh,
+    /// What was noticed while reading.
+    pub findings: Vec<Finding>,
+}
+
+impl Site {
+    /// The face that a triangle is part of.
+    pub fn face_of(&self, triangle: u32) -> &Face {
+        &self.faces[self.triangles[triangle as usize].face as usize]
+    }
+}

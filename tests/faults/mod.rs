@@ -1,0 +1,6 @@
+//! Broken input, full disks, damaged files.
+
+mod pages;
+mod project;
+mod site;
+mod volume;

@@ -1,0 +1,7 @@
+//! Held against programs and references that others made.
+
+mod glare;
+mod picture;
+mod sky;
+mod views;
+mod volume;

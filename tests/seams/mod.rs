@@ -1,0 +1,4 @@
+//! Where rooms meet: same bytes whatever the threads, and the rules of the house.
+
+mod determinism;
+mod house;

@@ -1,0 +1,88 @@
+use super::sun_direction;
+use super::{Error, Irradiance, Place, TimeSpec, altitude_azimuth_deg, clear_sky, gensky};
+use crate::base::{SpectralBasis, Timeline, Timestep, limits};
+
+/// The timesteps of a run: all instants of the ranges whose sun stands above the horizon
+/// (geometric altitude of its centre above 0), in chronological order.
+///
+/// Weights: with `half_year` the paper's Equation (1), `2 step_h step_d`; otherwise
+/// `step_h step_d`, a day's step clipped at the end of the year, so that a full year sums to 365
+/// (366) days. Segments: maximal runs of timesteps, each `step_h` after the one before.
+///
+/// # Errors
+/// See [`Error`]: a place, range, year or strength that can't be, too many instants, or none with
+/// a sun.
+pub fn timeline(place: &Place, spec: &TimeSpec) -> Result<Timeline, Error> {
+    place.check()?;
+    spec.check()?;
+    let candidates = spec.candidates();
+    let per_day = spec.hours.count();
+    let step_h = spec.hours.step;
+    // The first instant of the next day follows the last of this one where a step lies between.
+    let gap_h = 24.0 + spec.hours.from - spec.hours.hour(per_day - 1);
+    let over_midnight = spec.days.step == 1 && (gap_h - step_h).abs() <= 0.01 * step_h;
+
+    let mut steps: Vec<Timestep> = Vec::new();
+    let mut segment = 0_u32;
+    for (nth, (day, stands_for)) in spec.days.days(spec.year).enumerate() {
+        let weight_h = if spec.half_year {
+            2.0 * step_h * f64::from(spec.days.step)
+        } else {
+            step_h * f64::from(stands_for)
+        };
+        let turbidity = turbidity(spec, day);
+        for i in 0..per_day {
+            let hour = spec.hours.hour(i);
+            let sun = sun_direction(place, spec.sun, spec.year, day, hour);
+            // Whoever computes with NaN would silently lose the instant.
+            if !sun.is_finite() {
+                return Err(Error::Year(spec.year));
+            }
+            if sun.z <= 0.0 {
+                // Night ends a segment; empty ones get no number.
+                if steps.last().is_some_and(|last| last.segment == segment) {
+                    segment += 1;
+                }
+                continue;
+            }
+            if i == 0
+                && nth > 0
+                && !over_midnight
+                && steps.last().is_some_and(|last| last.segment == segment)
+            {
+                segment += 1;
+            }
+            if steps.len() == limits::MAX_TIMESTEPS {
+                return Err(Error::TooMany { most: limits::MAX_TIMESTEPS, found: candidates });
+            }
+            let irradiance_w_m2 = match spec.irradiance {
+                Irradiance::Gensky => gensky::irradiance_w_m2(sun.z),
+                Irradiance::Constant(w_m2) => w_m2,
+                Irradiance::ClearSky | Irradiance::Ineichen { .. } => {
+                    let (altitude_deg, _) = altitude_azimuth_deg(sun);
+                    clear_sky::direct_normal_w_m2(altitude_deg, place.elevation_m, turbidity, day)
+                }
+            };
+            steps.push(Timestep { day, hour, sun, irradiance_w_m2, weight_h, segment });
+        }
+    }
+    if steps.is_empty() {
+        return Err(Error::Night { candidates });
+    }
+    let visible = spec.irradiance == Irradiance::Gensky;
+    Ok(Timeline {
+        steps,
+        step_h,
+        year: spec.year,
+        half_year: spec.half_year,
+        sun_diameter_deg: if visible { gensky::DIAMETER_DEG } else { clear_sky::DIAMETER_DEG },
+        basis: if visible { SpectralBasis::Visible } else { SpectralBasis::Broadband },
+    })
+}
+
+fn turbidity(spec: &TimeSpec, day: u32) -> f64 {
+    match &spec.irradiance {
+        Irradiance::Ineichen { linke } => clear_sky::linke_of_day(linke, spec.year, day),
+        _ => clear_sky::LINKE,
+    }
+}

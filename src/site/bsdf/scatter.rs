@@ -111,7 +111,34 @@ impl Bsdf {
     /// the photon dies in the surface.
     #[inline]
     pub fn sample(&self, incident: DVec3, random: &mut Stream) -> Option<Scattered> {
-        if incident.z <= 0.0 {
+        self.sample_within(incident, self.bound(incident), random)
+    }
+
+    /// [`Self::sample`] against any other `bound`, so that `density * survival * weight * bound =
+    /// f * cos(out)`: one draw then also decides about what the caller's bound lies above this
+    /// one's. A bound that is too low shows as a weight above 1.
+    #[inline]
+    pub fn sample_within(
+        &self,
+        incident: DVec3,
+        bound: f64,
+        random: &mut Stream,
+    ) -> Option<Scattered> {
+        if incident.z <= 0.0 || bound <= 0.0 {
+            return None;
+        }
+        let stake = random.uniform();
+        let (needed, lobe) = match self {
+            Self::Lambertian { reflectance } | Self::Mirror { reflectance } => (*reflectance, 0.0),
+            Self::Glass { index } => (fresnel::reflectance(incident.z, *index), 0.0),
+            Self::PvGlass(glass) => {
+                let (lobe, diffuse) = glass.bounds(incident.z);
+                (lobe + diffuse, lobe)
+            }
+        };
+        let (bound, weight) = if needed > bound { (needed, needed / bound) } else { (bound, 1.0) };
+        let stake = stake * bound;
+        if stake >= needed {
             return None;
         }
         let direction = match self {
@@ -122,9 +149,9 @@ impl Bsdf {
             Self::Mirror { .. } | Self::Glass { .. } => {
                 DVec3::new(-incident.x, -incident.y, incident.z)
             }
-            Self::PvGlass(glass) => glass.sample(incident, random)?,
+            Self::PvGlass(glass) => glass.sample(incident, stake, lobe, needed - lobe, random)?,
         };
-        Some(Scattered { direction, weight: 1.0 })
+        Some(Scattered { direction, weight })
     }
 
     /// The scattering function, 1/sr, without delta lobes; 0 where a direction points into the
@@ -167,12 +194,17 @@ impl PvGlass {
         (fresnel::facet_bound(cos, self.index), self.diffuse * entering * self.out_most)
     }
 
-    /// The terms share one number: it chooses the term in proportion to the bounds, and what is
-    /// left of it decides on survival.
+    /// The terms share one number, `stake`: it has chosen the term in proportion to the bounds
+    /// `lobe` and `diffuse`, and what is left of it decides on survival.
     #[inline]
-    fn sample(&self, incident: DVec3, random: &mut Stream) -> Option<DVec3> {
-        let (lobe, diffuse) = self.bounds(incident.z);
-        let stake = random.uniform() * (lobe + diffuse);
+    fn sample(
+        &self,
+        incident: DVec3,
+        stake: f64,
+        lobe: f64,
+        diffuse: f64,
+        random: &mut Stream,
+    ) -> Option<DVec3> {
         let (u, v) = (random.uniform(), random.uniform());
         if stake < lobe {
             let half = self.ggx.facet(incident, u, v);
@@ -221,8 +253,8 @@ impl PvGlass {
                 let cos = incident.dot(half);
                 let out = half * (2.0 * cos) - incident;
                 if out.z > 0.0 {
-                    sum += fresnel::reflectance(cos, self.index)
-                        * self.ggx.seen_back(incident, out);
+                    sum +=
+                        fresnel::reflectance(cos, self.index) * self.ggx.seen_back(incident, out);
                 }
             }
         }
@@ -231,4 +263,3 @@ impl PvGlass {
         lobe + self.cell * entering
     }
 }
-

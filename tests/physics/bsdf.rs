@@ -72,8 +72,8 @@ fn sampling_error(bsdf: &Bsdf, degrees: f64) -> (f64, f64) {
     for (i, row) in rows.windows(2).enumerate() {
         for (j, column) in columns.windows(2).enumerate() {
             // The outermost bins reach from the lobe's flank to the end: finer there.
-            let n = if i == 0 || i == 9 { 400 } else { 48 };
-            let m = if j == 0 || j == 7 { 640 } else { 48 };
+            let n = if i == 0 || i == 9 { 400 } else { 160 };
+            let m = if j == 0 || j == 7 { 640 } else { 100 };
             let mut sum = 0.0;
             for a in 0..n {
                 let z = row[0] + (row[1] - row[0]) * (f64::from(a) + 0.5) / f64::from(n);

@@ -49,6 +49,18 @@ fn quantiles(mut values: Vec<f64>, parts: usize, low: f64, high: f64) -> Vec<f64
     edges
 }
 
+/// Points and weights of the three-point Gauss rule on `panels` parts of an interval.
+fn gauss(interval: &[f64], panels: u32) -> Vec<(f64, f64)> {
+    let half = 0.5 * (interval[1] - interval[0]) / f64::from(panels);
+    (0..panels)
+        .flat_map(|i| {
+            let middle = interval[0] + half * f64::from(2 * i + 1);
+            [(-0.6_f64.sqrt(), 5.0 / 9.0), (0.0, 8.0 / 9.0), (0.6_f64.sqrt(), 5.0 / 9.0)]
+                .map(|(at, weight)| (middle + half * at, half * weight))
+        })
+        .collect()
+}
+
 /// Chi-square of drawn directions against `evaluate() * cos / bound` integrated over bins of
 /// (cos theta, phi). The bins follow the quantiles of other draws, so that they resolve the lobe.
 fn sampling_error(bsdf: &Bsdf, degrees: f64) -> (f64, f64) {
@@ -71,22 +83,17 @@ fn sampling_error(bsdf: &Bsdf, degrees: f64) -> (f64, f64) {
     let (mut chi2, mut freedom, mut alive) = (0.0, 0.0, 0.0);
     for (i, row) in rows.windows(2).enumerate() {
         for (j, column) in columns.windows(2).enumerate() {
-            // The outermost bins reach from the lobe's flank to the end: finer there.
-            let n = if i == 0 || i == 9 { 400 } else { 160 };
-            let m = if j == 0 || j == 7 { 640 } else { 100 };
+            let (across, around) =
+                (gauss(row, 60), gauss(column, if j == 0 || j == 7 { 160 } else { 24 }));
             let mut sum = 0.0;
-            for a in 0..n {
-                let z = row[0] + (row[1] - row[0]) * (f64::from(a) + 0.5) / f64::from(n);
+            for &(z, dz) in &across {
                 let level = (1.0 - z * z).sqrt();
-                for b in 0..m {
-                    let phi =
-                        column[0] + (column[1] - column[0]) * (f64::from(b) + 0.5) / f64::from(m);
+                for &(phi, dphi) in &around {
                     let out = DVec3::new(level * libm::cos(phi), level * libm::sin(phi), z);
-                    sum += bsdf.evaluate(incident, out) * z;
+                    sum += bsdf.evaluate(incident, out) * z * dz * dphi;
                 }
             }
-            let solid = (row[1] - row[0]) * (column[1] - column[0]) / f64::from(n * m);
-            let expected = sum * solid / bound * SAMPLES as f64;
+            let expected = sum / bound * SAMPLES as f64;
             alive += expected;
             if expected > 8.0 {
                 chi2 += (found[i][j] as f64 - expected).powi(2) / expected;

@@ -27,7 +27,7 @@ pub enum Model {
         /// and above; the lobe's half width is about `2 * alpha` radians).
         ggx_alpha: f64,
         /// Share of the light inside the glass that comes out again, scattered by cells and back
-        /// sheet, 0..1 (dark cells: 0.02 to 0.05).
+        /// sheet, 0..0.9 (dark cells: 0.02 to 0.05).
         cell_reflectance: f64,
     },
 }
@@ -93,7 +93,7 @@ impl Model {
             Self::PvGlass { index, ggx_alpha, cell_reflectance } => {
                 within("index", index, 1.01, 3.0)?;
                 within("ggx_alpha", ggx_alpha, 0.001, 1.0)?;
-                within("cell_reflectance", cell_reflectance, 0.0, 1.0)
+                within("cell_reflectance", cell_reflectance, 0.0, 0.9)
             }
         }
     }

@@ -34,8 +34,9 @@ pub enum Bsdf {
 /// `f = D(h) G2(i, o) F(i.h) / (4 cos_i cos_o) + rho (1 - F(i)) (1 - F(o)) / (pi (1 - Fm))`,
 /// with Fm the hemispherical mean of F. The second term reflects `rho (1 - F(i))` in all: light
 /// enters the glass, and the share rho of it comes out again, with the angular distribution of an
-/// even radiance below a smooth interface. It is reciprocal and never more than what the first
-/// term left (but for the rough lobe's mean F differing from F(i), which a test bounds).
+/// even radiance below a smooth interface. It is reciprocal. The rough lobe reflects F's mean over
+/// its facets, which near normal incidence is a little more than the F(i) that the second term
+/// leaves it; with rho up to 0.9 the sum stays below 1 (a test holds it).
 #[derive(Clone, Debug, PartialEq)]
 pub struct PvGlass {
     index: f64,

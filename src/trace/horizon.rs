@@ -1,0 +1,332 @@
+use glam::DVec3;
+
+use super::clip::Polygon;
+use super::emitter::{Emitter, reach_m};
+use super::skyline::{Column, Skyline};
+use crate::site::Site;
+
+/// Directions of the compass that are told apart.
+const BINS: usize = 512;
+/// Cells that all PV together is cut into, about.
+const MOST_CELLS: f64 = 512.0;
+/// No cell is made smaller than this, m.
+const FINEST_CELL_M: f64 = 0.5;
+/// A column this small against its distance is not looked into further.
+const FINE_ENOUGH: f64 = 0.03;
+/// Triangles looked at over all emitters; emitters beyond have no horizon and trace every ray.
+const MOST_WORK: u64 = 2_000_000_000;
+
+/// Under which elevation anything within the path limit can be seen from a piece of PV, by
+/// compass direction. Conservative: a direction above it reaches nothing.
+///
+/// Proof: a photon starts in the box of its cell and leaves upwards from its plane, so it can hit
+/// only what lies above that plane, within the limit. Each hit point lies in some column of the
+/// skyline, at or below its top. For every column, the tangent of the elevation from any point of
+/// the box to any point of the column is at most (top - lowest start) over the smallest horizontal
+/// distance if that is positive, over the largest (within the limit) if not; the compass
+/// directions lie between those of the corners of the difference of the two rectangles. Boxes and
+/// columns are larger than they are by a margin that covers the rounding of rays to f32.
+#[derive(Debug)]
+pub(super) struct Horizon {
+    axes: [DVec3; 2],
+    corner: [f64; 2],
+    per_m: f64,
+    cells: [usize; 2],
+    /// Index of each cell's bins in `tangents`; [`Horizon::OPEN`] for cells without PV.
+    index: Vec<u32>,
+    /// Tangent of the elevation, [`BINS`] for each cell with PV.
+    tangents: Vec<f32>,
+    /// The same over all cells.
+    overall: Vec<f32>,
+}
+
+/// Smallest and largest corner of a box, m.
+type Span = (DVec3, DVec3);
+
+/// The horizons of all emitters.
+pub(super) fn horizons(site: &Site, emitters: &[Emitter], max_path_m: f64) -> Vec<Option<Horizon>> {
+    use rayon::prelude::*;
+    let area_m2: f64 = emitters.iter().map(|e| e.area_m2).sum();
+    let cell_m = (area_m2 / MOST_CELLS).sqrt().max(FINEST_CELL_M);
+    let depth = match emitters.len() {
+        0..=32 => 9,
+        33..=256 => 8,
+        _ => 7,
+    };
+    let allowed = (MOST_WORK / (site.triangles.len() as u64).max(1)) as usize;
+    emitters
+        .par_iter()
+        .enumerate()
+        .map(|(i, emitter)| {
+            (i < allowed).then(|| Horizon::build(site, emitter, cell_m, depth, max_path_m))
+        })
+        .collect()
+}
+
+/// A number that grows with the azimuth, from 0 (x axis) over 1 (y axis) to 4, without
+/// trigonometry.
+#[inline]
+fn compass(x: f64, y: f64) -> f64 {
+    let turn = if x.abs() + y.abs() > 0.0 { y / (x.abs() + y.abs()) } else { 0.0 };
+    if x < 0.0 {
+        2.0 - turn
+    } else if turn < 0.0 {
+        4.0 + turn
+    } else {
+        turn
+    }
+}
+
+impl Horizon {
+    const OPEN: u32 = u32::MAX;
+
+    fn build(site: &Site, emitter: &Emitter, cell_m: f64, depth: u32, max_path_m: f64) -> Self {
+        let margin_m = (1e-6 * reach_m(site)).max(1e-3);
+        let axes = [emitter.frame.x, emitter.frame.y];
+        let span = |axis: DVec3| {
+            let along = emitter.triangles.iter().flatten().map(|p| axis.dot(*p));
+            along.fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), at| (a.min(at), b.max(at)))
+        };
+        let spans = axes.map(span);
+        let wide = spans.map(|(a, b)| b - a);
+        // A long thin surface would have many cells without PV.
+        let cell_m = cell_m.max((wide[0] * wide[1] / (64.0 * MOST_CELLS)).sqrt());
+        let cells = wide.map(|w| ((w / cell_m).ceil() as usize).clamp(1, 4096));
+        let cell_m = (wide[0] / cells[0] as f64).max(wide[1] / cells[1] as f64).max(1e-6);
+        let mut out = Self {
+            axes,
+            corner: spans.map(|(a, _)| a),
+            per_m: 1.0 / cell_m,
+            cells,
+            index: vec![Self::OPEN; cells[0] * cells[1]],
+            tangents: Vec::new(),
+            overall: vec![f32::NEG_INFINITY; BINS],
+        };
+        let boxes = out.boxes(emitter, cell_m, margin_m);
+        let skyline = {
+            let all = boxes
+                .iter()
+                .flatten()
+                .fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(a, b): Span, &(c, d)| {
+                    (a.min(c), b.max(d))
+                });
+            let (low, high) = (site.bounds.min.as_dvec3(), site.bounds.max.as_dvec3());
+            let low = [0, 1].map(|i| (all.0[i] - max_path_m).max(low[i]) - margin_m);
+            let high = [0, 1].map(|i| (all.1[i] + max_path_m).min(high[i]) + margin_m);
+            let plane = (emitter.frame.z, emitter.floor_m);
+            Skyline::build(&site.triangles, plane, (low, high), depth, margin_m)
+        };
+        for (cell, span) in boxes.into_iter().enumerate() {
+            let Some(span) = span else { continue };
+            let tangents = seen_from(&skyline, span, max_path_m + margin_m);
+            for (all, one) in out.overall.iter_mut().zip(&tangents) {
+                *all = all.max(*one);
+            }
+            out.index[cell] = (out.tangents.len() / BINS) as u32;
+            out.tangents.extend(tangents);
+        }
+        out
+    }
+
+    /// The box around the starting points of each cell, if it has any.
+    fn boxes(&self, emitter: &Emitter, cell_m: f64, margin_m: f64) -> Vec<Option<Span>> {
+        let mut out: Vec<Option<Span>> = vec![None; self.index.len()];
+        let clamp = |at: f64, axis: usize| {
+            let last = self.cells[axis] as f64 - 1.0;
+            ((at - self.corner[axis]) * self.per_m).floor().clamp(0.0, last) as usize
+        };
+        // A point on a border may fall to either side by rounding: cells overlap by this.
+        let overlap = 1e-6;
+        for triangle in &emitter.triangles {
+            let shape = Polygon::triangle(*triangle);
+            let range = |axis: usize| {
+                let along = triangle.map(|p| self.axes[axis].dot(p));
+                let low = along.iter().fold(f64::INFINITY, |a, &b| a.min(b));
+                let high = along.iter().fold(f64::NEG_INFINITY, |a, &b| a.max(b));
+                clamp(low - overlap, axis)..=clamp(high + overlap, axis)
+            };
+            for i in range(0) {
+                let low = self.corner[0] + i as f64 * cell_m;
+                let slab = shape.between(self.axes[0], low - overlap, low + cell_m + overlap);
+                if slab.is_empty() {
+                    continue;
+                }
+                for j in range(1) {
+                    let low = self.corner[1] + j as f64 * cell_m;
+                    let part = slab.between(self.axes[1], low - overlap, low + cell_m + overlap);
+                    for &p in part.points() {
+                        let p = emitter.lifted(p);
+                        let slot = &mut out[j * self.cells[0] + i];
+                        let (a, b) = slot.unwrap_or((DVec3::INFINITY, DVec3::NEG_INFINITY));
+                        *slot = Some((a.min(p - margin_m), b.max(p + margin_m)));
+                    }
+                }
+            }
+        }
+        out
+    }
+
+    /// Whether a direction reaches nothing from anywhere on the surface.
+    #[inline]
+    pub(super) fn clears_all(&self, direction: DVec3) -> bool {
+        clears(&self.overall, direction)
+    }
+
+    /// Whether a direction reaches nothing from `point`.
+    #[inline]
+    pub(super) fn clears(&self, point: DVec3, direction: DVec3) -> bool {
+        let cell = [0, 1].map(|axis| {
+            let at = (self.axes[axis].dot(point) - self.corner[axis]) * self.per_m;
+            // `as` saturates: what lies before the first cell by rounding belongs to it.
+            (at as usize).min(self.cells[axis] - 1)
+        });
+        let index = self.index[cell[1] * self.cells[0] + cell[0]];
+        if index == Self::OPEN {
+            return false;
+        }
+        let start = index as usize * BINS;
+        clears(&self.tangents[start..start + BINS], direction)
+    }
+}
+
+#[inline]
+fn clears(tangents: &[f32], d: DVec3) -> bool {
+    let bin = (compass(d.x, d.y) * (BINS as f64 / 4.0)) as usize & (BINS - 1);
+    let level = (d.x * d.x + d.y * d.y).sqrt();
+    let tangent = f64::from(tangents[bin]);
+    // Straight up where something is overhead is infinity times zero: not above, so not cleared.
+    // Where nothing is seen at all every direction is above.
+    tangent == f64::NEG_INFINITY || d.z > tangent * level
+}
+
+/// The horizon's tangents from any point of a box.
+fn seen_from(skyline: &Skyline, span: Span, max_path_m: f64) -> Vec<f32> {
+    let mut tangents = vec![f32::NEG_INFINITY; BINS];
+    let mut stack: Vec<Column> = vec![skyline.whole()];
+    while let Some(column) = stack.pop() {
+        let Some(view) = View::of(skyline, column, span, max_path_m) else { continue };
+        // Not above what is seen already: the parts can't be either.
+        if view.bins().all(|bin| tangents[bin] >= view.tangent) {
+            continue;
+        }
+        let parts = skyline.parts(column).filter(|_| view.edge_m > FINE_ENOUGH * view.distance_m);
+        match parts {
+            Some(parts) => stack.extend(parts),
+            None => {
+                for bin in view.bins() {
+                    tangents[bin] = tangents[bin].max(view.tangent);
+                }
+            }
+        }
+    }
+    tangents
+}
+
+/// How a column may look from a box.
+struct View {
+    tangent: f32,
+    first_bin: usize,
+    bin_count: usize,
+    distance_m: f64,
+    edge_m: f64,
+}
+
+impl View {
+    fn of(skyline: &Skyline, column: Column, span: Span, max_path_m: f64) -> Option<Self> {
+        let top_m = skyline.top_m(column);
+        if top_m == f64::NEG_INFINITY {
+            return None;
+        }
+        let (low, high) = skyline.square_m(column);
+        // The differences of any point of the column and any of the box.
+        let low_x = low[0] - span.1.x;
+        let high_x = high[0] - span.0.x;
+        let low_y = low[1] - span.1.y;
+        let high_y = high[1] - span.0.y;
+        let near_x = low_x.max(-high_x).max(0.0);
+        let near_y = low_y.max(-high_y).max(0.0);
+        let far_x = high_x.max(-low_x);
+        let far_y = high_y.max(-low_y);
+        let near_m = (near_x * near_x + near_y * near_y).sqrt();
+        let far_m = (far_x * far_x + far_y * far_y).sqrt().min(max_path_m);
+        let rise_m = top_m - span.0.z;
+        // What lies lower than `top` from the lowest start is farther still from higher ones.
+        let drop_m = (span.0.z - top_m).max(0.0);
+        if near_m * near_m + drop_m * drop_m > max_path_m * max_path_m {
+            return None;
+        }
+        let tangent = if rise_m > 0.0 { rise_m / near_m } else { rise_m / far_m };
+        let (first_bin, bin_count) = if near_m > 0.0 {
+            bins_of([(low_x, low_y), (high_x, low_y), (low_x, high_y), (high_x, high_y)])
+        } else {
+            (0, BINS)
+        };
+        let tangent = (tangent as f32).next_up();
+        Some(Self { tangent, first_bin, bin_count, distance_m: near_m, edge_m: high[0] - low[0] })
+    }
+
+    fn bins(&self) -> impl Iterator<Item = usize> + use<> {
+        let first = self.first_bin;
+        (0..self.bin_count).map(move |i| (first + i) & (BINS - 1))
+    }
+}
+
+/// The bins that a rectangle off the origin spans: the first, and how many.
+fn bins_of(corners: [(f64, f64); 4]) -> (usize, usize) {
+    let all = corners.map(|(x, y)| compass(x, y));
+    // Off the origin the rectangle lies in a half plane, which is 2 wide: the directions unfold
+    // around that of any corner.
+    let mut low = 0.0_f64;
+    let mut high = 0.0_f64;
+    for at in all {
+        let mut turn = at - all[0];
+        if turn > 2.0 {
+            turn -= 4.0;
+        } else if turn < -2.0 {
+            turn += 4.0;
+        }
+        low = low.min(turn);
+        high = high.max(turn);
+    }
+    let scale = BINS as f64 / 4.0;
+    let first = ((all[0] + low) * scale - 1e-6).floor();
+    let last = ((all[0] + high) * scale + 1e-6).floor();
+    let count = ((last - first) as usize + 1).min(BINS);
+    (first.rem_euclid(BINS as f64) as usize, count)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_compass_grows_all_the_way_round() {
+        let mut last = -1.0;
+        for i in 0..3600 {
+            let angle = (f64::from(i) * 0.1).to_radians();
+            let now = compass(libm::cos(angle), libm::sin(angle));
+            assert!(now > last && (0.0..4.0).contains(&now), "at {}: {now}", f64::from(i) * 0.1);
+            last = now;
+        }
+        for (x, y, at) in [(1.0, 0.0, 0.0), (0.0, 2.0, 1.0), (-1.0, 0.0, 2.0), (0.0, -1.0, 3.0)] {
+            assert_eq!(compass(x, y), at);
+        }
+    }
+
+    #[test]
+    fn bins_hold_every_direction_of_a_rectangle() {
+        for i in 0..360 {
+            let angle = f64::from(i).to_radians();
+            let (x, y) = (5.0 * libm::cos(angle), 5.0 * libm::sin(angle));
+            let (a, b) = (f64::from(i % 7) * 0.5 + 0.01, f64::from(i % 5) * 0.4 + 0.01);
+            let (first, count) =
+                bins_of([(x - a, y - b), (x + a, y - b), (x - a, y + b), (x + a, y + b)]);
+            for j in 0..100 {
+                let (u, v) = (f64::from(j % 10) / 4.5 - 1.0, f64::from(j / 10) / 4.5 - 1.0);
+                let bin = (compass(x + a * u, y + b * v) * BINS as f64 / 4.0) as usize % BINS;
+                let from = (bin + BINS - first) % BINS;
+                assert!(from < count, "rectangle {i}");
+            }
+        }
+    }
+}

@@ -1,0 +1,114 @@
+use super::Error;
+use super::batch::{BATCH_PHOTONS, send_all};
+use super::emission::Emission;
+use super::path::{Draw, Tracer};
+use crate::base::{Progress, Purpose, Tally};
+
+/// Landed photons that a pilot counts: the share that lands is then known to 0.5 % or better.
+const PILOT_STORED: u64 = 40_000;
+/// Photons that a pilot sends at most.
+const PILOT_EMITTED: u64 = 1 << 29;
+/// Landed photons without which a pilot says nothing, and how many it sends before it gives up.
+const PILOT_LEAST: u64 = 64;
+const PILOT_PATIENCE: u64 = 1 << 25;
+/// Photons that a run may send.
+const MOST_EMITTED: f64 = (1_u64 << 48) as f64;
+
+/// How many photons a run sends: what the pilot found.
+#[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
+pub struct Plan {
+    /// Photons that the run sends.
+    pub emitted: u64,
+    /// Photons that the pilot sent, and threw away.
+    pub pilot_emitted: u64,
+    /// Of these, how many landed where they would have been stored.
+    pub pilot_stored: u64,
+    /// Flux of each photon of the run, W.
+    pub photon_w: f64,
+    /// Where the pilot's photons and flux went.
+    pub pilot: Tally,
+}
+
+/// Finds how many photons to send so that `settings.stored` land. Deterministic: sends photons of
+/// their own in growing rounds, each spread over the whole year, until about 40,000 have landed
+/// (fewer for targets below 100,000).
+///
+/// # Errors
+/// What [`Emission::check`] finds, [`Error::NothingLands`] with the shares that say why, and
+/// interruption.
+pub fn plan(emission: &Emission, progress: &dyn Progress) -> Result<Plan, Error> {
+    let tracer = Tracer::new(emission)?;
+    let target = emission.settings.stored;
+    let wanted = (target / 5 * 2).clamp(1000, PILOT_STORED);
+    progress.begin("pilot", wanted, "landed photons");
+    let result = rounds(&tracer, emission, wanted, progress);
+    progress.finish();
+    let tally = result?;
+    let (sent, stored) = (tally.sent.photons, tally.stored.photons);
+    let emitted = (target as f64 * sent as f64 / stored as f64).ceil();
+    if emitted > MOST_EMITTED {
+        return Err(Error::TooMany { stored: target, emitted });
+    }
+    let emitted = (emitted as u64).max(1);
+    Ok(Plan {
+        emitted,
+        pilot_emitted: sent,
+        pilot_stored: stored,
+        photon_w: tracer.total_w() / emitted as f64,
+        pilot: tally,
+    })
+}
+
+fn rounds(
+    tracer: &Tracer,
+    emission: &Emission,
+    wanted: u64,
+    progress: &dyn Progress,
+) -> Result<Tally, Error> {
+    let mut tally = Tally::default();
+    let mut round = 0_u64;
+    let mut size = BATCH_PHOTONS;
+    loop {
+        // Photons of different rounds must not share numbers: the round is part of the seed.
+        let seed = emission.settings.seed.wrapping_add(round.wrapping_mul(0x9E37_79B9_7F4A_7C15));
+        let draw = Draw { purpose: Purpose::Pilot, seed, emitted: size };
+        let found = send_all(tracer, draw, false, &Quiet(progress), |_| Ok(()))?;
+        tally.add(&found);
+        progress.advance(found.stored.photons);
+        let (sent, stored) = (tally.sent.photons, tally.stored.photons);
+        if stored >= wanted {
+            return Ok(tally);
+        }
+        if sent >= PILOT_PATIENCE && stored < PILOT_LEAST {
+            return Err(Error::nothing_lands(&tally, emission.settings.max_path_m));
+        }
+        if sent >= PILOT_EMITTED {
+            return Ok(tally);
+        }
+        // What is missing, by what was seen so far and a little more; without anything seen, four
+        // times as much as before.
+        let missing = if stored == 0 {
+            4 * size
+        } else {
+            let each = sent as f64 / stored as f64;
+            (1.05 * each * (wanted - stored) as f64) as u64
+        };
+        size = missing.clamp(BATCH_PHOTONS / 2, 8 * size).min(PILOT_EMITTED);
+        round += 1;
+    }
+}
+
+/// Progress of a round inside the pilot: the pilot counts what landed, not what was sent.
+struct Quiet<'a>(&'a dyn Progress);
+
+impl Progress for Quiet<'_> {
+    fn begin(&self, _what: &str, _total: u64, _unit: &str) {}
+    fn advance(&self, _units: u64) {}
+    fn finish(&self) {}
+    fn say(&self, message: &str) {
+        self.0.say(message);
+    }
+    fn check(&self) -> Result<(), crate::base::Interrupted> {
+        self.0.check()
+    }
+}

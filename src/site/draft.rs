@@ -51,6 +51,12 @@ pub(super) enum Shape {
     Curved(Range<u32>),
 }
 
+/// Whether a point is one on Earth, in whatever coordinates. Numbers beyond would overflow in
+/// products and squares.
+pub(super) fn in_reach(point: DVec3) -> bool {
+    point.abs().cmplt(DVec3::splat(1e9)).all()
+}
+
 /// The draft is full.
 #[derive(Debug)]
 pub(super) struct Full;

@@ -144,7 +144,7 @@ fn keeps_its_normal(triangle: &[DVec3; 3], normal: DVec3) -> bool {
     let [a, b, c] = triangle.map(|p| p.as_vec3());
     let area = (b - a).cross(c - a);
     let doubled = area.length();
-    if !(doubled > 0.0) || !doubled.is_finite() {
+    if doubled == 0.0 || !doubled.is_finite() {
         return false;
     }
     let longest = (b - a).length().max((c - b).length()).max((a - c).length());

@@ -212,6 +212,7 @@ wall polygon more 0 0 9 0 0 0 1 0 0 0 1 0 7 8 9
 wall polygon odd 0 0 10 0 0 0 1 0 0 0 1 0 5
 wall sphere big 0 0 4 0 0 0 inf
 wall sphere none 0 0 4 0 0 0 0
+wall cylinder far 0 0 7 0 0 0 1e308 0 0 1
 wall instance tree 1 tree.oct 0 0
 !xform -n tree -t 1 2 3 tree.rad
 wall polygon last 0 0 9 0 0 0 1 0 0
@@ -229,12 +230,13 @@ wall polygon last 0 0 9 0 0 0 1 0 0
             "scene.rad:7:1 (odd): a polygon's numbers come in threes",
             "scene.rad:8:29 (big)",
             "scene.rad:9:1 (none): sphere `none`: radius is 0",
-            "scene.rad:10:1 (tree): instance `tree` refers to geometry in another file",
-            "scene.rad:11:1: `!xform -n tree -t 1 2 3 tree.rad` is a command",
+            "scene.rad:10:1 (far): 1000000000000",
+            "scene.rad:11:1 (tree): instance `tree` refers to geometry in another file",
+            "scene.rad:12:1: `!xform -n tree -t 1 2 3 tree.rad` is a command",
             "the file ends after 6",
         ],
     );
-    assert_eq!(message.lines().count(), 12, "{message}");
+    assert_eq!(message.lines().count(), 13, "{message}");
     // Not more than a person reads.
     let many = "wall polygon p 0 0 3 0 0 0\n".repeat(100);
     let message = files.refusal("many.rad", &many, None);
@@ -550,6 +552,7 @@ fn a_selection_in_rotterdam_follows_tilt_and_azimuth() {
         object: Some("{FA625111-F80F-4617-9613-A60489C6E4ED}".into()),
         surface: Some("RoofSurface".into()),
         min_tilt_deg: Some(10.0),
+        max_tilt_deg: Some(50.0),
         azimuth_deg: Some([200.0, 300.0]),
         ..Select::default()
     };
@@ -628,6 +631,44 @@ fn delft_has_no_roof_surfaces_and_says_what_it_has() {
     let loaded = city(&path, None, Some(surface("RoofSurface"))).unwrap();
     assert_eq!(loaded.site.pv.len(), 13);
     assert_eq!(loaded.sources[0].format, "CityJSON 1.1");
+}
+
+/// The example project's scene, as its project.toml and README describe it.
+#[test]
+fn the_building_of_the_example_project() {
+    let Some(path) = real("rotterdam_delfshaven.city.json") else { return };
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("fixtures/projects/rotterdam");
+    let text = fs::read_to_string(folder.join("project.toml")).unwrap();
+    let project: toml::Table = text.parse().unwrap();
+    let files = project["scene"]["files"].as_array().unwrap();
+    assert!(Path::new(files[0].as_str().unwrap()).ends_with("city/rotterdam_delfshaven.city.json"));
+    let origin: Vec<f64> = project["scene"]["origin"]
+        .as_array()
+        .unwrap()
+        .iter()
+        .map(|v| v.as_float().unwrap())
+        .collect();
+    let select = &project["pv"][0]["select"];
+    let mut scene = SceneSpec::of([path, folder.join("ground.rad")]);
+    scene.origin = Origin::At(DVec3::from_slice(&origin));
+    let select = Select {
+        object: Some(select["object"].as_str().unwrap().into()),
+        surface: Some(select["surface"].as_str().unwrap().into()),
+        min_tilt_deg: select["min_tilt_deg"].as_float(),
+        max_tilt_deg: select["max_tilt_deg"].as_float(),
+        ..Select::default()
+    };
+    let loaded = load(&scene, &pv(select)).unwrap();
+    let site = &loaded.site;
+    assert_eq!(site.pv.len(), 8);
+    let area: f64 = site.pv.iter().map(|p| p.area_m2).sum();
+    assert!((area - 747.0).abs() < 1.0, "{area}");
+    for surface in &Summary::new(&loaded, 100.0).pv {
+        assert!(surface.centre_m.truncate().length() < 30.0, "{surface:?}");
+        assert!((surface.tilt_deg - 26.57).abs() < 0.1);
+    }
+    // The surroundings are there: street or roof under every point.
+    assert_eq!(glintmap::site::check::missing_ground(site, 100.0), 0.0);
 }
 
 /// Broken bytes give an error or a scene, never a panic or a hang; what is read is finite.

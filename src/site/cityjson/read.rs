@@ -6,7 +6,7 @@ use glam::DVec3;
 use super::geometry::{Builder, Shell, depth_of, template_matrix};
 use super::model::{CityObject, Document, Geometry, Templates, Transform};
 use crate::base::Place;
-use crate::site::draft::{Draft, Full};
+use crate::site::draft::{Draft, Full, in_reach};
 use crate::site::log::Log;
 
 /// What a file said about itself.
@@ -217,7 +217,7 @@ impl Context<'_> {
         let Transform { scale, translate } = transform.unwrap_or(unit);
         let (scale, translate) = (DVec3::from(scale), DVec3::from(translate));
         let out: Vec<DVec3> = raw.iter().map(|&v| DVec3::from(v) * scale + translate).collect();
-        if let Some(i) = out.iter().position(|v| !v.is_finite()) {
+        if let Some(i) = out.iter().position(|&v| !in_reach(v)) {
             self.fault(line, format!("vertices[{i}]: too large a number"));
             return Vec::new();
         }
@@ -280,7 +280,7 @@ impl Context<'_> {
             }
             let path = format!("geometry[{g}]");
             if geometry.kind == "GeometryInstance" {
-                instance(&mut builder, geometry, path, vertices, templates)?;
+                instance(&mut builder, geometry, &path, vertices, templates)?;
             } else if depth_of(&geometry.kind).is_some() {
                 let shell = Shell { geometry, path, vertex: &plain, vertices: vertices.len() };
                 builder.add(&shell)?;
@@ -309,7 +309,7 @@ impl Context<'_> {
 fn instance(
     builder: &mut Builder<'_>,
     geometry: &Geometry,
-    path: String,
+    path: &str,
     vertices: &[DVec3],
     templates: Option<&Templates>,
 ) -> Result<(), Full> {
@@ -327,13 +327,13 @@ fn instance(
     let matrix = at.and_then(|at| template_matrix(geometry.matrix.as_deref()?, at));
     let Some(matrix) = matrix else {
         let message = "expected a vertex index in `boundaries` and 16 numbers in `transformationMatrix`, the last four 0 0 0 1";
-        builder.fault(&path, message);
+        builder.fault(path, message);
         return Ok(());
     };
     let local = templates.map_or(&[][..], |t| &t.vertices);
     let vertex = |v: u32| {
         let moved = matrix.transform_point3(DVec3::from(*local.get(v as usize)?));
-        moved.is_finite().then_some(moved)
+        in_reach(moved).then_some(moved)
     };
     builder.add(&Shell {
         geometry: template,

@@ -8,7 +8,7 @@ use super::names::{Names, Target};
 use super::shapes;
 use crate::base::{Place, limits};
 use crate::site::Object;
-use crate::site::draft::{Draft, Full, Shape, Surface};
+use crate::site::draft::{Draft, Full, Shape, Surface, in_reach};
 use crate::site::log::Log;
 
 /// Reads a scene file into the draft. Faults go to the log; reading goes on with the next
@@ -133,7 +133,9 @@ impl<'a> Reader<'a, '_> {
             }
             let begins = word.text.starts_with('!')
                 || self.lexer.peek().is_some_and(|kind| {
-                    kind.text == "alias" || materials::classify(kind.text) != Class::Unknown
+                    kind.text == "alias"
+                        || materials::classify(kind.text) != Class::Unknown
+                        || materials::nearest_surface(kind.text).is_some()
                 });
             if begins {
                 self.lexer = here;
@@ -321,6 +323,8 @@ impl<'a> Reader<'a, '_> {
             "cone" | "cup" => expects(p, 8, "two ends and two radii"),
             _ => expects(p, 8, "centre, direction and two radii"),
         };
+        let far = || r.iter().find(|v| !in_reach(DVec3::splat(**v)));
+        let wrong = wrong.or_else(|| far().map(|v| format!("{v} is no coordinate in metres")));
         if let Some(message) = wrong {
             return Err(self.fault(self.place(p), message));
         }

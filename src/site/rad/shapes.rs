@@ -82,7 +82,7 @@ pub(super) fn cone(
 ) -> Result<Vec<DVec3>, &'static str> {
     let axis = ends[1] - ends[0];
     let length_m = axis.length();
-    if !(length_m > 0.0) {
+    if length_m == 0.0 {
         return Err("its two ends are one point");
     }
     let frame = Frame::around(axis / length_m);
@@ -109,7 +109,7 @@ pub(super) fn ring(
     radii_m: [f64; 2],
 ) -> Result<Vec<Vec<DVec3>>, &'static str> {
     let length = normal.length();
-    if !(length > 0.0) {
+    if length == 0.0 {
         return Err("its direction has no length");
     }
     let frame = Frame::around(normal / length);

@@ -8,6 +8,9 @@ use glam::{DVec3, Vec3};
 use super::{Loaded, Site, Source, azimuth_deg, tilt_deg};
 use crate::base::{Aabb, Finding, Place, Severity};
 
+/// How far from the PV ground is looked for, m: the paper's path limit.
+const REACH_M: f64 = 100.0;
+
 /// Points along one edge of the square in which ground is looked for.
 const PROBES: usize = 48;
 /// PV surfaces around which it is looked for; the largest ones.
@@ -19,10 +22,14 @@ const LIKELY_SIZE_M: std::ops::RangeInclusive<f32> = 5.0..=100_000.0;
 /// Further from everything else the PV isn't part of the scene, m.
 const FAR_M: f32 = 1000.0;
 
+/// PV surfaces that the text lists.
+const LISTED_PV: usize = 20;
+
 /// What a scene is.
 #[derive(Clone, Debug, PartialEq, serde::Serialize)]
 pub struct Summary {
-    /// The files.
+    /// The files, where they are known.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
     pub files: Vec<Source>,
     /// Named things with a face.
     pub objects: usize,
@@ -40,8 +47,8 @@ pub struct Summary {
     pub kinds: Vec<Kind>,
     /// The PV.
     pub pv: Vec<Pv>,
-    /// What was noticed while reading, and what looks wrong.
-    pub findings: Vec<Finding>,
+    /// What looks wrong; what was noticed while reading lies in [`Site::findings`].
+    pub doubts: Vec<Finding>,
 }
 
 /// Surfaces of one kind and material.
@@ -74,26 +81,27 @@ pub struct Pv {
     pub centre_m: DVec3,
 }
 
-impl Summary {
-    /// Sums a scene up. `reach_m`: how far from the PV photons fly.
-    pub fn new(loaded: &Loaded, reach_m: f64) -> Self {
-        let site = &loaded.site;
-        let mut findings = site.findings.clone();
-        findings.extend(doubts(site, reach_m));
-        let used: std::collections::HashSet<u32> = site.faces.iter().map(|f| f.object).collect();
-        Self {
-            files: loaded.sources.clone(),
-            objects: used.len(),
-            faces: site.faces.len(),
-            triangles: site.triangles.len(),
-            crs: loaded.crs.clone(),
-            origin_m: site.origin,
-            extent_m: site.bounds,
-            kinds: kinds(site),
-            pv: (0..site.pv.len()).map(|i| pv(site, i)).collect(),
-            findings,
-        }
+/// Sums up a scene.
+pub fn summarise(site: &Site) -> Summary {
+    let used: std::collections::HashSet<u32> = site.faces.iter().map(|f| f.object).collect();
+    Summary {
+        files: Vec::new(),
+        objects: used.len(),
+        faces: site.faces.len(),
+        triangles: site.triangles.len(),
+        crs: None,
+        origin_m: site.origin,
+        extent_m: site.bounds,
+        kinds: kinds(site),
+        pv: (0..site.pv.len()).map(|i| pv(site, i)).collect(),
+        doubts: doubts(site, REACH_M),
     }
+}
+
+/// Sums up a scene and its files.
+pub fn summarise_loaded(loaded: &Loaded) -> Summary {
+    let (files, crs) = (loaded.sources.clone(), loaded.crs.clone());
+    Summary { files, crs, ..summarise(&loaded.site) }
 }
 
 impl fmt::Display for Summary {
@@ -109,11 +117,11 @@ impl fmt::Display for Summary {
             "extent {:.1} x {:.1} x {:.1} m, from ({:.1}, {:.1}, {:.1}) local",
             size.x, size.y, size.z, min.x, min.y, min.z
         )?;
-        let crs = self.crs.as_deref().unwrap_or("map coordinates of no stated system");
         if o == DVec3::ZERO {
             writeln!(f, "local origin = the files' own")?;
         } else {
-            writeln!(f, "local origin = ({:.3}, {:.3}, {:.3}) in {crs}", o.x, o.y, o.z)?;
+            write!(f, "local origin = map ({:.3}, {:.3}, {:.3})", o.x, o.y, o.z)?;
+            writeln!(f, "{}", self.crs.as_ref().map_or_else(String::new, |c| format!(", {c}")))?;
         }
         writeln!(f, "\nsurfaces")?;
         for k in &self.kinds {
@@ -124,7 +132,7 @@ impl fmt::Display for Summary {
             )?;
         }
         writeln!(f, "\nPV ({} surfaces)", self.pv.len())?;
-        for p in &self.pv {
+        for p in self.pv.iter().take(LISTED_PV) {
             let azimuth =
                 p.azimuth_deg.map_or_else(|| "   level".to_owned(), |a| format!("{a:>8.1}"));
             writeln!(
@@ -133,10 +141,13 @@ impl fmt::Display for Summary {
                 p.name, p.area_m2, p.tilt_deg, p.centre_m.x, p.centre_m.y, p.centre_m.z
             )?;
         }
-        if !self.findings.is_empty() {
+        if self.pv.len() > LISTED_PV {
+            writeln!(f, "  … and {} more", self.pv.len() - LISTED_PV)?;
+        }
+        if !self.doubts.is_empty() {
             writeln!(f)?;
         }
-        self.findings.iter().try_for_each(|finding| writeln!(f, "{finding}"))
+        self.doubts.iter().try_for_each(|doubt| writeln!(f, "{doubt}"))
     }
 }
 

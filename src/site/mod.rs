@@ -9,6 +9,7 @@
 //! [`local_from_map`].
 
 pub mod bsdf;
+mod build;
 mod bvh;
 pub mod check;
 mod cityjson;

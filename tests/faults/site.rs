@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 
 use glam::DVec3;
 use glintmap::base::{FaultKind, Purpose, Severity, Stream};
-use glintmap::site::check::Summary;
+use glintmap::site::check::{summarise, summarise_loaded};
 use glintmap::site::{
     Error, Loaded, Origin, PvSpec, SceneFile, SceneSpec, Select, Site, load, local_from_map,
     tilt_deg,
@@ -538,10 +538,13 @@ fn rotterdam_as_the_index_describes_it() {
     }
     assert!(took.as_secs_f64() < 1.0, "{took:?}");
 
-    let summary = Summary::new(&loaded, 100.0);
+    let summary = summarise_loaded(&loaded);
     assert_eq!(summary.pv.len(), site.pv.len());
     let text = summary.to_string();
-    says(&text, &["RoofSurface", "local origin = (90932.000, 435765.000, 0.000)", "no surface"]);
+    says(
+        &text,
+        &["RoofSurface", "local origin = map (90932.000, 435765.000, 0.000)", "no surface"],
+    );
     assert!(serde_json::to_string(&summary).unwrap().contains("\"kind\":\"RoofSurface\""));
 }
 
@@ -663,7 +666,7 @@ fn the_building_of_the_example_project() {
     assert_eq!(site.pv.len(), 8);
     let area: f64 = site.pv.iter().map(|p| p.area_m2).sum();
     assert!((area - 747.0).abs() < 1.0, "{area}");
-    for surface in &Summary::new(&loaded, 100.0).pv {
+    for surface in &summarise_loaded(&loaded).pv {
         assert!(surface.centre_m.truncate().length() < 30.0, "{surface:?}");
         assert!((surface.tilt_deg - 26.57).abs() < 0.1);
     }
@@ -715,7 +718,7 @@ fn mutated_files_never_panic() {
                     loaded.site.triangles.iter().all(|t| t.corners.iter().all(|c| c.is_finite()))
                 );
                 assert!(loaded.site.pv.iter().all(|p| p.normal.is_finite() && p.area_m2 > 0.0));
-                let _ = Summary::new(&loaded, 100.0).to_string();
+                let _ = summarise(&loaded.site).to_string();
             }
             Err(error) => {
                 refused += 1;

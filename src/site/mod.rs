@@ -1,8 +1,33 @@
 //! What stands there: the scene's surfaces, the PV among them, their materials, and the rays.
+//!
+//! Readers (`rad`, `cityjson`) put what they find, in the coordinates of the source and in f64,
+//! into one draft; [`Site::load`] moves the draft to the local origin, turns it to true north, cuts
+//! its polygons into triangles, picks the PV and builds the hierarchy for rays.
+//!
+//! Coordinates: Radiance files are local; city models hold map coordinates. Local coordinates are
+//! map coordinates less [`Site::origin`], turned about the origin so that +y is true north:
+//! [`local_from_map`].
 
 pub mod bsdf;
+mod build;
 mod bvh;
+pub mod check;
+mod cityjson;
+mod draft;
+mod error;
+mod load;
+mod log;
+mod placement;
+mod rad;
 mod scene;
+mod select;
+mod spec;
+mod triangulate;
 
 pub use bvh::{Bvh, RayHit};
+pub use error::Error;
+pub use load::{Loaded, Source, load};
+pub use placement::{local_from_map, map_from_local};
 pub use scene::{Face, Material, Object, PvSurface, Site, Triangle};
+pub use select::{azimuth_deg, tilt_deg};
+pub use spec::{Origin, PvSpec, SceneFile, SceneSpec, Select};

@@ -51,9 +51,11 @@ pub struct Object {
 pub struct Material {
     /// The name in the source.
     pub name: String,
-    /// Diffuse reflectance per colour channel, 0..1.
+    /// Reflectance per colour channel, 0..1: the diffuse part, or a mirror's or pane's at normal
+    /// incidence.
     pub reflectance: [f32; 3],
-    /// Whether it is diffuse alone (`receivers = "diffuse"` keeps photons only there).
+    /// Whether any of it is diffuse (`receivers = "diffuse"` keeps photons only there, as Radiance
+    /// does).
     pub diffuse: bool,
 }
 
@@ -98,6 +100,22 @@ pub struct Site {
 }
 
 impl Site {
+    /// A scene from its parts: finds the extent and builds the hierarchy. The parts' indices
+    /// must fit each other.
+    pub fn from_parts(
+        triangles: Vec<Triangle>,
+        faces: Vec<Face>,
+        objects: Vec<Object>,
+        materials: Vec<Material>,
+        pv: Vec<PvSurface>,
+        origin: DVec3,
+        findings: Vec<Finding>,
+    ) -> Self {
+        let bounds = Aabb::around(triangles.iter().flat_map(|t| t.corners));
+        let bvh = Bvh::build(&triangles);
+        Self { triangles, faces, objects, materials, pv, origin, bounds, bvh, findings }
+    }
+
     /// The face that a triangle is part of.
     pub fn face_of(&self, triangle: u32) -> &Face {
         &self.faces[self.triangles[triangle as usize].face as usize]

@@ -1,0 +1,101 @@
+use std::path::PathBuf;
+
+use glam::DVec3;
+
+/// What to read, and where it lies: `[scene]` of the project file.
+#[derive(Clone, Debug, PartialEq)]
+pub struct SceneSpec {
+    /// The files, in the order of the project; materials of one are known in those after it.
+    pub files: Vec<SceneFile>,
+    /// Diffuse reflectance of whatever the files say nothing about, 0..1.
+    pub default_reflectance: f64,
+    /// CityJSON: which level of detail; each object's highest if left out.
+    pub lod: Option<String>,
+    /// Coordinate reference system of map coordinates; taken from the files where they say.
+    pub crs: Option<String>,
+    /// True north in the files' coordinates, clockwise from the y axis, degrees. The scene is
+    /// turned about the local origin so that afterwards +y is true north.
+    pub north_deg: f64,
+    /// Which map coordinates become the local origin.
+    pub origin: Origin,
+}
+
+impl SceneSpec {
+    /// These files with every other setting left out.
+    pub fn of(files: impl IntoIterator<Item = impl Into<PathBuf>>) -> Self {
+        Self {
+            files: files.into_iter().map(|path| SceneFile::new(path)).collect(),
+            default_reflectance: 0.25,
+            lod: None,
+            crs: None,
+            north_deg: 0.0,
+            origin: Origin::Auto,
+        }
+    }
+}
+
+/// One file of the scene.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct SceneFile {
+    /// Where it lies.
+    pub path: PathBuf,
+    /// Unit of its coordinates; metres if left out.
+    pub unit: Option<String>,
+    /// Which axis points up; z if left out.
+    pub up: Option<String>,
+}
+
+impl SceneFile {
+    /// A file in metres, z up.
+    pub fn new(path: impl Into<PathBuf>) -> Self {
+        Self { path: path.into(), unit: None, up: None }
+    }
+}
+
+/// Which map coordinates become the local origin.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Origin {
+    /// The middle of the city models' extent, in whole metres, at their lowest height rounded down;
+    /// no move where coordinates are small already. Radiance files are local and stay.
+    Auto,
+    /// These map coordinates, m.
+    At(DVec3),
+}
+
+/// One `[[pv]]` entry: which faces are PV.
+#[derive(Clone, Debug, PartialEq)]
+pub struct PvSpec {
+    /// Its name.
+    pub name: String,
+    /// Which faces.
+    pub select: Select,
+    /// Whether the backs emit as well.
+    pub two_sided: bool,
+}
+
+/// Conditions on a face; all that are given must match.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Select {
+    /// Radiance: the modifier that the surface names.
+    pub modifier: Option<String>,
+    /// The material that it ends up with, through aliases and patterns.
+    pub material: Option<String>,
+    /// The object's id; its children count as it.
+    pub object: Option<String>,
+    /// What the source says it is: `RoofSurface`, `polygon`.
+    pub surface: Option<String>,
+    /// Least angle between the front's normal and the vertical, degrees (0 faces up, 90 is a wall).
+    pub min_tilt_deg: Option<f64>,
+    /// Largest such angle, degrees.
+    pub max_tilt_deg: Option<f64>,
+    /// Compass direction that the front faces, clockwise from north, from the first to the second
+    /// value (`[315, 45]` is the north); horizontal faces have none and don't match.
+    pub azimuth_deg: Option<[f64; 2]>,
+}
+
+impl Select {
+    /// Whether no condition is given.
+    pub fn is_empty(&self) -> bool {
+        *self == Self::default()
+    }
+}

@@ -123,8 +123,8 @@ fn info(arguments: &Info, context: &Context) -> anyhow::Result<()> {
             summary.empty_tiles,
             summary.tiles
         )?;
-        let (stored, dense) = (summary.bytes as f64 / 1e6, summary.dense_bytes as f64 / 1e6);
-        writeln!(text, "{stored:.3} MB on disk, {dense:.3} MB uncompressed and dense")?;
+        let (stored, dense) = (size(summary.bytes), size(summary.dense_bytes));
+        writeln!(text, "{stored} on disk, {dense} uncompressed and dense")?;
         document["summary"] = json!(summary);
     }
     if !arguments.fast {
@@ -140,6 +140,10 @@ fn info(arguments: &Info, context: &Context) -> anyhow::Result<()> {
     }
     document["time"] = time(&volume, segments.len(), &mut text)?;
     context.print(&document, &text)
+}
+
+fn size(bytes: u64) -> indicatif::DecimalBytes {
+    indicatif::DecimalBytes(bytes)
 }
 
 fn time(volume: &Volume, segments: usize, text: &mut String) -> anyhow::Result<Value> {
@@ -197,11 +201,11 @@ fn import(arguments: &Import, context: &Context) -> anyhow::Result<()> {
     let summary =
         volume::import_npy(&volume, segments.as_deref(), quantity, &arguments.out, progress)?;
     let text = format!(
-        "{}: {} numbers that are not 0 in {} bytes ({} uncompressed and dense)",
+        "{}: {} numbers that are not 0 in {} ({} uncompressed and dense)",
         arguments.out.display(),
         summary.nonzero,
-        summary.bytes,
-        summary.dense_bytes
+        size(summary.bytes),
+        size(summary.dense_bytes)
     );
     context.print(&json!({"out": arguments.out, "summary": summary}), &text)
 }

@@ -13,6 +13,9 @@ use super::write::Summary;
 use super::{Error, Quantity, layout};
 use crate::base::limits::TILE_EDGE;
 
+/// Memory that the indexes of all shards together take, unless told.
+const INDEX_CACHE_BYTES: usize = 32 << 20;
+
 /// A time series of pictures, `[timestep, row, column]`, W/m2: a volume of ours (Zarr) or an
 /// `.npy` file of little-endian float32 in C order.
 #[derive(Debug)]
@@ -36,6 +39,15 @@ impl Volume {
     /// Neither kind of volume, one that isn't finished, another shape or type; nothing but
     /// metadata is read, so damaged numbers are found later.
     pub fn open(path: &Path) -> Result<Self, Error> {
+        Self::open_with(path, INDEX_CACHE_BYTES)
+    }
+
+    /// [`Self::open`] with a bound (approximate, at least one entry for each tile) of the memory
+    /// that the indexes of shards may take. A small one costs more reading, nothing else.
+    ///
+    /// # Errors
+    /// As [`Self::open`].
+    pub fn open_with(path: &Path, index_cache_bytes: usize) -> Result<Self, Error> {
         let path = path.to_owned();
         if path.is_dir() {
             let array = path.join(layout::ARRAY);
@@ -43,7 +55,7 @@ impl Volume {
                 let found = "a folder without zarr.json".into();
                 return Err(Error::NotAVolume { path, found });
             }
-            let (tiles, axis) = Tiles::open(&path)?;
+            let (tiles, axis) = Tiles::open(&path, index_cache_bytes)?;
             return Ok(Self { path, tiling: tiles.tiling, axis, source: Source::Zarr(tiles) });
         }
         let mut start = Vec::new();

@@ -8,7 +8,7 @@ use super::tiles::{Scratch, Tiles};
 use crate::base::limits::TILE_EDGE;
 use crate::base::{Grid, Progress};
 
-/// Slices that are read at a time: what bounds memory is their size.
+/// Bytes of slices that are read at a time.
 const READ_BYTES: usize = 64 << 20;
 
 /// What one finds who reads all numbers of a volume.
@@ -97,12 +97,23 @@ impl Volume {
         what: &str,
         range: Range<usize>,
         progress: &dyn Progress,
+        each: impl FnMut(&[f32]) -> Result<(), Error>,
+    ) -> Result<(), Error> {
+        self.for_each_part_of(READ_BYTES, what, range, progress, each)
+    }
+
+    fn for_each_part_of(
+        &self,
+        bytes: usize,
+        what: &str,
+        range: Range<usize>,
+        progress: &dyn Progress,
         mut each: impl FnMut(&[f32]) -> Result<(), Error>,
     ) -> Result<(), Error> {
         let [_, rows, columns] = self.shape();
         let pixels = rows * columns;
         let unit = self.chunk_timesteps();
-        let step = (READ_BYTES / 4 / pixels / unit).max(1) * unit;
+        let step = (bytes / 4 / pixels / unit).max(1) * unit;
         let mut numbers = vec![0.0; step.min(range.len()) * pixels];
         progress.begin(what, range.len() as u64, "timesteps");
         let mut first = range.start;
@@ -180,5 +191,43 @@ fn chain(error: &Error) -> String {
     match std::error::Error::source(error) {
         Some(cause) => format!("{error}: {cause}"),
         None => error.to_string(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use glintmap_formats::npy;
+
+    use super::super::{Quantity, import_npy};
+    use super::*;
+    use crate::base::Silent;
+
+    #[test]
+    fn the_parts_are_the_whole_whatever_their_size() {
+        let folder = tempfile::tempdir().expect("folder");
+        let shape = [53, 3, 40];
+        let numbers: Vec<f32> = (0u16..53 * 120).map(f32::from).collect();
+        let path = folder.path().join("a.npy");
+        npy::write(&path, &shape, &numbers).expect("writes");
+        let flat = Volume::open(&path).expect("opens");
+        let path = folder.path().join("a.zarr");
+        import_npy(&flat, None, Quantity::Surface, &path, &Silent).expect("imports");
+        let ours = Volume::open(&path).expect("opens");
+        for volume in [&flat, &ours] {
+            for bytes in [1, 480, 3 * 480, 16 * 480, 40 * 480, 1 << 20] {
+                for range in [0..53, 5..53, 16..17, 20..40] {
+                    let mut parts = Vec::new();
+                    let each = |part: &[f32]| {
+                        let most = (bytes / 4).max(volume.chunk_timesteps() * 120);
+                        assert!(part.len() <= most, "{} numbers, {most} allowed", part.len());
+                        parts.extend_from_slice(part);
+                        Ok(())
+                    };
+                    let result = volume.for_each_part_of(bytes, "", range.clone(), &Silent, each);
+                    result.expect("reads");
+                    assert!(parts == numbers[range.start * 120..range.end * 120], "{range:?}");
+                }
+            }
+        }
     }
 }

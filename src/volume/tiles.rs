@@ -17,9 +17,6 @@ use super::layout::{
 };
 use crate::base::limits::TILE_EDGE;
 
-/// Memory that the indexes of all shards together may take.
-const INDEX_CACHE_BYTES: usize = 32 << 20;
-
 /// A volume in Zarr: where each chunk lies, as far as that was asked for.
 #[derive(Debug)]
 pub(super) struct Tiles {
@@ -58,8 +55,12 @@ impl Scratch {
 }
 
 impl Tiles {
-    /// Opens the group at `path`; also returns what it stores about its timesteps.
-    pub(super) fn open(path: &Path) -> Result<(Self, Option<Axis>), Error> {
+    /// Opens the group at `path`; also returns what it stores about its timesteps. The indexes of
+    /// all shards together take about `index_cache_bytes`.
+    pub(super) fn open(
+        path: &Path,
+        index_cache_bytes: usize,
+    ) -> Result<(Self, Option<Axis>), Error> {
         let array_folder = path.join(ARRAY);
         let group_path = path.join("zarr.json");
         if !group_path.exists() && array_folder.join(GROWING).exists() {
@@ -84,7 +85,7 @@ impl Tiles {
             })
             .map(Mutex::new)
             .collect();
-        let window = INDEX_CACHE_BYTES / size_of::<Option<Entry>>() / tiling.tiles();
+        let window = index_cache_bytes / size_of::<Option<Entry>>() / tiling.tiles();
         let window = window.clamp(1, tiling.chunks());
         let array = array_folder;
         Ok((Self { array, tiling, pipeline, records, indexes, window }, axis))

@@ -16,6 +16,17 @@ fn classify(cause: &(dyn std::error::Error + 'static)) -> Option<FaultKind> {
     if cause.is::<Interrupted>() {
         return Some(FaultKind::Interrupted);
     }
-    rooms!(crate::sky::Error);
+    rooms!(
+        crate::glare::Error,
+        crate::pages::Error,
+        crate::picture::Error,
+        crate::render::Error,
+        crate::run::Error,
+        crate::site::Error,
+        crate::site::bsdf::Error,
+        crate::sky::Error,
+        crate::trace::Error,
+        crate::volume::Error,
+    );
     None
 }

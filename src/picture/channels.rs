@@ -89,11 +89,8 @@ impl Channels {
     /// [`Error::Channel`] where the name is unknown or several channels could be meant. `path`
     /// is for the message.
     pub fn values(&self, wanted: Option<&str>, path: &Path) -> Result<(String, Grid<f32>), Error> {
-        let wrong = |what: String| Error::Channel {
-            path: path.to_owned(),
-            what,
-            found: self.names(),
-        };
+        let wrong =
+            |what: String| Error::Channel { path: path.to_owned(), what, found: self.names() };
         if let Some(name) = wanted {
             return match self.get(name) {
                 Some(grid) => Ok((name.to_owned(), grid.clone())),

@@ -57,7 +57,9 @@ pub enum Error {
         found: String,
     },
     /// Two rasters that belong together differ in size.
-    #[error("{what} has {found_columns} x {found_rows} pixels, expected {columns} x {rows} as in {of}")]
+    #[error(
+        "{what} has {found_columns} x {found_rows} pixels, expected {columns} x {rows} as in {of}"
+    )]
     Size {
         /// The raster that doesn't fit.
         what: String,

@@ -21,8 +21,20 @@ use crate::base::Grid;
 const MAX_NAME_BYTES: usize = 31;
 /// Attribute names that OpenEXR uses itself.
 const RESERVED: [&str; 14] = [
-    "channels", "chunkCount", "compression", "dataWindow", "displayWindow", "lineOrder", "name",
-    "owner", "pixelAspectRatio", "screenWindowCenter", "screenWindowWidth", "tiles", "type", "view",
+    "channels",
+    "chunkCount",
+    "compression",
+    "dataWindow",
+    "displayWindow",
+    "lineOrder",
+    "name",
+    "owner",
+    "pixelAspectRatio",
+    "screenWindowCenter",
+    "screenWindowWidth",
+    "tiles",
+    "type",
+    "view",
 ];
 
 /// Writes channels of equal size. The unit belongs in the channel's name (`annual.wh_m2`). The
@@ -313,8 +325,8 @@ mod tests {
     fn what_is_written_is_read_to_the_bit() {
         let (a, b) = sample();
         let path = Path::new("memory.exr");
-        let bytes = encode(path, &[("b.w_m2", &b), ("a.wh_m2", &a)], &attributes(), true)
-            .expect("encodes");
+        let bytes =
+            encode(path, &[("b.w_m2", &b), ("a.wh_m2", &a)], &attributes(), true).expect("encodes");
         let back = decode(path, &bytes).expect("decodes");
         let bits = |g: &Grid<f32>| g.data().iter().map(|v| v.to_bits()).collect::<Vec<_>>();
         assert_eq!(back.list().len(), 2);

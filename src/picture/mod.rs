@@ -26,8 +26,6 @@ pub mod tonemap;
 
 pub use channels::{Channels, Rgb, luminance, unit_label};
 pub use error::Error;
+pub use figure::Figure;
 pub use palette::Palette;
 pub use scale::Scale;
-
-
-

@@ -57,9 +57,8 @@ const TURBO: [u32; 17] = [
     0xcbed34, 0xecd13a, 0xfdae35, 0xfb8122, 0xec530f, 0xd23105, 0xac1701, 0x7a0403,
 ];
 /// Own choice: the two halves mirror each other in lightness (within some percent).
-const DIVERGING: [u32; 9] = [
-    0x0b2f8a, 0x2a62c9, 0x6fa3e6, 0xb9d3ee, 0xf3f1e8, 0xfbdf86, 0xf6a63f, 0xdd5f22, 0xa3141b,
-];
+const DIVERGING: [u32; 9] =
+    [0x0b2f8a, 0x2a62c9, 0x6fa3e6, 0xb9d3ee, 0xf3f1e8, 0xfbdf86, 0xf6a63f, 0xdd5f22, 0xa3141b];
 
 impl Palette {
     /// All palettes with the names that `-pal` takes.
@@ -111,9 +110,7 @@ impl Palette {
                 display(linear.map(|v| libm::pow(v.clamp(0.0, 1.0), 1.0 / 2.2)))
             }
             Self::Hot => display([3.0 * t, 3.0 * t - 1.0, 3.0 * t - 2.0]),
-            Self::Pm3d => {
-                display([t.sqrt(), t * t * t, libm::sin(2.0 * std::f64::consts::PI * t)])
-            }
+            Self::Pm3d => display([t.sqrt(), t * t * t, libm::sin(2.0 * std::f64::consts::PI * t)]),
             Self::Eco => display([2.0 * t, 2.0 * (t - 0.5), 2.0 * (0.5 - t)]),
             Self::Grey => display([t; 3]),
         }

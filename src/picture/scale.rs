@@ -327,13 +327,24 @@ mod tests {
     fn parse(label: &str) -> f64 {
         let plain: String = label.replace('\u{202f}', "").replace('−', "-");
         let Some((digits, raised)) = plain.split_once("10").filter(|(d, r)| {
-            (d.is_empty() || d.ends_with('×')) && !r.is_empty() && r.chars().all(|c| "⁰¹²³⁴⁵⁶⁷⁸⁹⁻".contains(c))
+            (d.is_empty() || d.ends_with('×'))
+                && !r.is_empty()
+                && r.chars().all(|c| "⁰¹²³⁴⁵⁶⁷⁸⁹⁻".contains(c))
         }) else {
             return plain.parse().expect("a number");
         };
         let exponent: String = raised
             .chars()
-            .map(|c| if c == '⁻' { '-' } else { "⁰¹²³⁴⁵⁶⁷⁸⁹".chars().position(|r| r == c).map_or('?', |d| (b'0' + d as u8) as char) })
+            .map(|c| {
+                if c == '⁻' {
+                    '-'
+                } else {
+                    "⁰¹²³⁴⁵⁶⁷⁸⁹"
+                        .chars()
+                        .position(|r| r == c)
+                        .map_or('?', |d| (b'0' + d as u8) as char)
+                }
+            })
             .collect();
         let digits = digits.trim_end_matches('×');
         let digits = if digits.is_empty() { "1" } else { digits };
@@ -403,8 +414,14 @@ mod tests {
     #[test]
     fn numbers_are_written_as_people_do() {
         let cases = [
-            (0.0, "0"), (3000.0, "3000"), (30000.0, "30\u{202f}000"), (2.5, "2.5"),
-            (0.30000000000000004, "0.3"), (-1.5, "−1.5"), (1e7, "10⁷"), (2.5e-5, "2.5×10⁻⁵"),
+            (0.0, "0"),
+            (3000.0, "3000"),
+            (30000.0, "30\u{202f}000"),
+            (2.5, "2.5"),
+            (0.30000000000000004, "0.3"),
+            (-1.5, "−1.5"),
+            (1e7, "10⁷"),
+            (2.5e-5, "2.5×10⁻⁵"),
             (1_234_567.0, "1\u{202f}234\u{202f}570"),
         ];
         for (value, text) in cases {
@@ -415,7 +432,9 @@ mod tests {
     #[test]
     fn unusable_scales_are_refused_and_have_no_ticks() {
         let wrong = [
-            Scale::linear(0.0, ""), Scale::linear(f64::NAN, ""), Scale { max: 1.0, ..Scale::ratio(2.0) },
+            Scale::linear(0.0, ""),
+            Scale::linear(f64::NAN, ""),
+            Scale { max: 1.0, ..Scale::ratio(2.0) },
             Scale { min: 0.0, ..Scale::logarithmic(1.0, 2.0, "") },
             Scale { divisions: Some(0), ..Scale::linear(1.0, "") },
         ];

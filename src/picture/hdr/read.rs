@@ -3,8 +3,8 @@ use std::path::Path;
 
 use super::rgbe::color_from_rgbe;
 use crate::base::Grid;
-use crate::picture::channels::{Rgb, check_length, check_size};
 use crate::picture::Error;
+use crate::picture::channels::{Rgb, check_length, check_size};
 
 /// Longest header that is taken for one.
 const MAX_HEADER_BYTES: usize = 1 << 20;
@@ -41,8 +41,7 @@ pub fn decode(path: &Path, bytes: &[u8]) -> Result<(Rgb, Header), Error> {
     let mut input = Input { path, bytes, at: 0 };
     let (header, correction) = read_header(&mut input)?;
     let resolution = Resolution::read(&mut input)?;
-    let (width, height) =
-        check_size(path, resolution.length as u64, resolution.lines as u64, 3)?;
+    let (width, height) = check_size(path, resolution.length as u64, resolution.lines as u64, 3)?;
     // A line takes four bytes at least, whatever its encoding.
     let least = (input.at + 4 * height) as u64;
     check_length(path, (width as u64, height as u64, 3), least, bytes.len() as u64)?;
@@ -287,8 +286,8 @@ mod tests {
     use super::*;
 
     fn file(header: &str, resolution: &str, pixels: &[u8]) -> Vec<u8> {
-        let mut out = format!("#?RADIANCE\n{header}FORMAT=32-bit_rle_rgbe\n\n{resolution}\n")
-            .into_bytes();
+        let mut out =
+            format!("#?RADIANCE\n{header}FORMAT=32-bit_rle_rgbe\n\n{resolution}\n").into_bytes();
         out.extend_from_slice(pixels);
         out
     }

@@ -3,8 +3,8 @@ use std::path::Path;
 use glintmap_formats::seal;
 
 use super::rgbe::rgbe_from_color;
-use crate::picture::channels::{Rgb, check_size};
 use crate::picture::Error;
+use crate::picture::channels::{Rgb, check_size};
 
 /// Shortest run that is worth its two bytes.
 const MIN_RUN: usize = 4;
@@ -39,9 +39,7 @@ pub fn encode(path: &Path, picture: &Rgb, header_lines: &[String]) -> Result<Vec
         out.extend_from_slice(line.as_bytes());
         out.push(b'\n');
     }
-    out.extend_from_slice(
-        format!("FORMAT=32-bit_rle_rgbe\n\n-Y {rows} +X {columns}\n").as_bytes(),
-    );
+    out.extend_from_slice(format!("FORMAT=32-bit_rle_rgbe\n\n-Y {rows} +X {columns}\n").as_bytes());
     for row in 0..rows {
         let pixels: Vec<[u8; 4]> =
             picture.row(row).iter().map(|&color| rgbe_from_color(color)).collect();

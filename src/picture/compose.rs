@@ -25,10 +25,10 @@ pub enum Contours {
 }
 
 /// The background in shades of grey, exposed by its own brightness and held back between dark and
-/// light grey, so that neither data nor letters drown in it.
+/// middle grey: on it the palettes read as light, much glows and little recedes.
 pub fn greyed(background: &Rgb) -> Grid<[u8; 3]> {
-    const DARKEST: f64 = 46.0;
-    const LIGHTEST: f64 = 226.0;
+    const DARKEST: f64 = 30.0;
+    const LIGHTEST: f64 = 176.0;
     tonemap(background, Exposure::Auto, true).map(|p| {
         let t = f64::from(p[0]) / 255.0;
         [(DARKEST + (LIGHTEST - DARKEST) * t + 0.5) as u8; 3]

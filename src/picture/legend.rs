@@ -2,7 +2,7 @@ use super::Figure;
 use super::canvas::{Canvas, HAIRLINE, INK, Rect, SOFT_INK, mix};
 use super::compose::{BARE, Contours, colored};
 use super::layout::Layout;
-use super::scale::{Scale, Tick};
+use super::scale::{Below, Scale, Tick, format_value};
 use super::text::{Lettering, Style, Weight};
 use crate::base::Grid;
 
@@ -31,6 +31,7 @@ pub(super) struct Block {
 /// A swatch below the bar with words.
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum Note {
+    Above,
     Bare,
     Below,
 }
@@ -68,17 +69,37 @@ impl Block {
         };
         let mut notes = Vec::new();
         let mut note = |kind, words: &str| {
-            notes.push((kind, letters.wrap(words, 0.82 * em, Weight::Regular, column - 2.0 * em)));
+            notes.push((
+                kind,
+                letters.wrap(
+                    words,
+                    0.82 * em,
+                    Weight::Regular,
+                    (if side == Side::Right { column } else { 15.0 * em }) - 2.0 * em,
+                ),
+            ));
         };
-        if figure.scale.below == super::scale::Below::Faint && figure.scale.min > 0.0 {
-            note(Note::Below, &format!("below {}", super::scale::format_value(figure.scale.min)));
+        let peak = figure.data.data().iter().copied().filter(|v| v.is_finite()).fold(0.0, f32::max);
+        if f64::from(peak) > figure.scale.max * 1.0005 {
+            let (end, peak) = (figure.scale.max, three_digits(peak));
+            note(
+                Note::Above,
+                &format!("above {}: up to {}", format_value(end), format_value(peak)),
+            );
+        }
+        if figure.scale.below == Below::Faint && figure.scale.min > 0.0 {
+            note(Note::Below, &format!("below {}", format_value(figure.scale.min)));
         }
         if !figure.bare.is_empty() {
             note(Note::Bare, &figure.bare);
         }
         let heading_height = heading.len() as f64 * 1.3 * em;
-        let notes_height: f64 =
-            notes.iter().map(|(_, lines)| (lines.len() as f64 * 1.15 * em).max(1.5 * em)).sum();
+        let heights = notes.iter().map(|(_, lines)| note_height(lines, em));
+        // Below a wide picture the notes stand in a row.
+        let notes_height: f64 = match side {
+            Side::Right => heights.sum(),
+            Side::Below => heights.fold(0.0, f64::max),
+        };
         let (bar_length, height) = match side {
             Side::Right => {
                 let rest = heading_height + 0.7 * em + 0.9 * em + notes_height;
@@ -86,8 +107,8 @@ impl Block {
                 (length, length + rest)
             }
             Side::Below => {
-                let length = given.map_or(column.min(52.0 * em), |g| g[0]);
-                (length, heading_height + 0.4 * em + bar_breadth + 1.7 * em + notes_height)
+                let length = given.map_or(column, |g| g[0]);
+                (length, heading_height + 0.4 * em + bar_breadth + 2.2 * em + notes_height)
             }
         };
         let width = match side {
@@ -111,6 +132,14 @@ impl Block {
     pub(super) fn moved(self, at: (f64, f64)) -> Self {
         Self { at, ..self }
     }
+}
+
+fn note_height(lines: &[String], em: f64) -> f64 {
+    (lines.len() as f64 * 1.15 * em).max(1.5 * em)
+}
+
+fn three_digits(value: f32) -> f64 {
+    format!("{value:.2e}").parse().unwrap_or(f64::from(value))
 }
 
 /// The legend's marks, but none closer to its neighbour than letters allow.
@@ -150,12 +179,14 @@ pub(super) fn draw(canvas: &mut Canvas, figure: &Figure<'_>, layout: &Layout, le
     y = bar.bottom() as f64
         + match block.side {
             Side::Right => 0.9 * em,
-            Side::Below => 1.7 * em,
+            Side::Below => 2.2 * em,
         };
+    let mut x = x;
     for (note, lines) in &block.notes {
         let swatch =
             Rect { x: x as i64, y: y as i64, width: breadth.min(em as i64 * 2), height: em as i64 };
         let color = match note {
+            Note::Above => figure.scale.palette.color(1.0),
             Note::Bare => BARE,
             // As over a background of middle grey.
             Note::Below => mix([150; 3], figure.scale.palette.color(0.0), 0.35 * figure.opacity),
@@ -178,7 +209,10 @@ pub(super) fn draw(canvas: &mut Canvas, figure: &Figure<'_>, layout: &Layout, le
             letters.draw(canvas, line, (words, base), &Style::new(0.82 * em, SOFT_INK));
             base += 1.15 * em;
         }
-        y += (lines.len() as f64 * 1.15 * em).max(1.5 * em);
+        match block.side {
+            Side::Right => y += note_height(lines, em),
+            Side::Below => x += 17.0 * em,
+        }
     }
 }
 

@@ -46,7 +46,7 @@ fn polylines(
         if line.label.is_empty() {
             continue;
         }
-        let style = Style { color: line.color, ..Style::new(0.82 * em, INK) }.halo(INK);
+        let style = Style::new(0.85 * em, INK).bold().halo(WHITE);
         if let Some(&at) = points.iter().rev().flatten().next() {
             label(canvas, &line.label, at, 0.5 * em, style, layout, letters, taken);
         }
@@ -179,7 +179,7 @@ fn scale_bar(
         return;
     }
     let em = layout.em;
-    let wanted = metres_per_dot * (layout.picture.width as f64 * 0.22);
+    let wanted = metres_per_dot * (layout.picture.width as f64 * 0.27);
     // The largest round length of at most `wanted`: the step that parts it, at most twice.
     let mut metres = nice_step(wanted, 2.0);
     while metres * 2.0 <= wanted * 1.0001 {
@@ -269,14 +269,13 @@ fn watermark(canvas: &mut Canvas, words: &str, layout: &Layout, letters: &Letter
     if unit <= 0.0 {
         return;
     }
-    // Along the diagonal, but not steeper than 30 degrees.
+    // Along the diagonal, but not steeper than 30 degrees, over two thirds of the picture.
     let slope = libm::atan2(height, width).min(std::f64::consts::FRAC_PI_6);
     let (sin, cos) = libm::sincos(slope);
-    let room =
-        (width * 0.86 / cos.max(0.1)).min(if sin > 0.05 { height * 0.86 / sin } else { f64::MAX });
-    let size = (room / (unit + 1.0)).min(height * 0.3).max(6.0);
+    let room = (width * 0.66 / cos).min(height * 0.66 / sin.max(0.05));
+    let size = (room / (unit + 1.0)).max(6.0);
     let flat = letters.mask(words, (0.0, 0.0), size, Weight::Bold);
-    let stroke = (size / 26.0).max(0.8);
+    let stroke = (size / 30.0).max(0.7);
     let outer = flat.dilated(stroke);
     let middle = (
         flat.area.x as f64 + flat.area.width as f64 / 2.0,
@@ -295,8 +294,8 @@ fn watermark(canvas: &mut Canvas, words: &str, layout: &Layout, letters: &Letter
             light.raise(x, y, inside);
         }
     }
-    canvas.stamp_in(&rim, INK, 0.42, picture);
-    canvas.stamp_in(&light, WHITE, 0.2, picture);
+    canvas.stamp_in(&rim, INK, 0.34, picture);
+    canvas.stamp_in(&light, WHITE, 0.17, picture);
 }
 
 fn sample(mask: &Mask, (x, y): (f64, f64)) -> f32 {

@@ -1,6 +1,8 @@
 #![allow(dead_code)]
 //! What tests share: where real data and Python lie, and how a test says that it was skipped.
 
+pub mod series;
+
 use std::path::PathBuf;
 
 /// The folder of real inputs (`GLINTMAP_DATA`, else `../shared/data` beside the project).

@@ -1,0 +1,269 @@
+use std::fs::File;
+use std::io::Read;
+use std::ops::Range;
+use std::path::{Path, PathBuf};
+
+use glintmap_formats::npy;
+use rayon::prelude::*;
+
+use super::axis::{Axis, TimeAxis, segments_from_numbers};
+use super::layout::{CHUNK_TIMESTEPS, Tiling};
+use super::tiles::{Scratch, Tiles};
+use super::write::Summary;
+use super::{Error, Quantity, layout};
+use crate::base::limits::TILE_EDGE;
+
+/// Memory that the indexes of all shards together take, unless told.
+const INDEX_CACHE_BYTES: usize = 32 << 20;
+
+/// A time series of pictures, `[timestep, row, column]`, W/m2: a volume of ours (Zarr) or an
+/// `.npy` file of little-endian float32 in C order.
+#[derive(Debug)]
+pub struct Volume {
+    path: PathBuf,
+    tiling: Tiling,
+    axis: Option<Axis>,
+    pub(super) source: Source,
+}
+
+#[derive(Debug)]
+pub(super) enum Source {
+    Npy(npy::Reader<f32>),
+    Zarr(Tiles),
+}
+
+impl Volume {
+    /// Opens a volume; which kind it is is seen from what is there, not from its name.
+    ///
+    /// # Errors
+    /// Neither kind of volume, one that isn't finished, another shape or type; nothing but
+    /// metadata is read, so damaged numbers are found later.
+    pub fn open(path: &Path) -> Result<Self, Error> {
+        Self::open_with(path, INDEX_CACHE_BYTES)
+    }
+
+    /// [`Self::open`] with a bound (approximate, at least one entry for each tile) of the memory
+    /// that the indexes of shards may take. A small one costs more reading, nothing else.
+    ///
+    /// # Errors
+    /// As [`Self::open`].
+    pub fn open_with(path: &Path, index_cache_bytes: usize) -> Result<Self, Error> {
+        let path = path.to_owned();
+        if path.is_dir() {
+            let array = path.join(layout::ARRAY);
+            if !path.join("zarr.json").exists() && !array.join(layout::GROWING).exists() {
+                let found = "a folder without zarr.json".into();
+                return Err(Error::NotAVolume { path, found });
+            }
+            let (tiles, axis) = Tiles::open(&path, index_cache_bytes)?;
+            return Ok(Self { path, tiling: tiles.tiling, axis, source: Source::Zarr(tiles) });
+        }
+        let mut start = Vec::new();
+        let file = File::open(&path).map_err(Error::io(&path))?;
+        file.take(npy::MAGIC.len() as u64).read_to_end(&mut start).map_err(Error::io(&path))?;
+        if start != npy::MAGIC {
+            let found = format!("a file that begins with `{}`", start.escape_ascii());
+            return Err(Error::NotAVolume { path, found });
+        }
+        let reader = npy::Reader::<f32>::open(&path).map_err(Error::npy(&path))?;
+        let [timesteps, rows, columns] = reader.shape_of::<3>().map_err(Error::npy(&path))?;
+        let tiling = Tiling { timesteps, rows, columns };
+        tiling.bounded().map_err(|(field, expected, found)| Error::Layout {
+            path: path.clone(),
+            field,
+            expected,
+            found,
+        })?;
+        Ok(Self { path, tiling, axis: None, source: Source::Npy(reader) })
+    }
+
+    /// Where it lies.
+    pub fn path(&self) -> &Path {
+        &self.path
+    }
+
+    /// `[timestep, row, column]`
+    pub fn shape(&self) -> [usize; 3] {
+        [self.tiling.timesteps, self.tiling.rows, self.tiling.columns]
+    }
+
+    /// What the volume knows of its timesteps; `None` for `.npy` and for imports.
+    pub fn axis(&self) -> Option<&TimeAxis> {
+        match &self.axis {
+            Some(Axis::Full(axis)) => Some(axis),
+            _ => None,
+        }
+    }
+
+    /// The timesteps of each segment, in order; one segment where nothing is known of them.
+    pub fn segments(&self) -> Vec<Range<usize>> {
+        match &self.axis {
+            Some(axis) => segments_from_numbers(axis.segment()),
+            None => std::iter::once(0..self.tiling.timesteps).collect(),
+        }
+    }
+
+    /// Which irradiance it holds; `None` where the volume doesn't say.
+    pub fn quantity(&self) -> Option<Quantity> {
+        let Source::Zarr(_) = &self.source else { return None };
+        let array = layout::read_array_metadata(&self.path.join(layout::ARRAY)).ok()?;
+        serde_json::from_value(array.attributes.get("quantity")?.clone()).ok()
+    }
+
+    /// How much the volume holds and how much of it is not 0, as it was noted when it was
+    /// written; `None` for `.npy` and for volumes that other programs wrote.
+    pub fn summary(&self) -> Option<Summary> {
+        match &self.source {
+            Source::Zarr(tiles) => Some(Summary::new(&tiles.tiling, tiles.records()?.iter())),
+            Source::Npy(_) => None,
+        }
+    }
+
+    /// The natural step of reading: ranges that begin and end at multiples of it decode nothing
+    /// twice.
+    pub fn chunk_timesteps(&self) -> usize {
+        match &self.source {
+            Source::Zarr(_) => CHUNK_TIMESTEPS,
+            Source::Npy(_) => 1,
+        }
+    }
+
+    /// Fills `out` with the slices of `range`: `range.len() * rows * columns` numbers, in C order.
+    ///
+    /// # Errors
+    /// A range beyond the volume, an `out` of another length; damaged or lost parts.
+    pub fn read(&self, range: Range<usize>, out: &mut [f32]) -> Result<(), Error> {
+        let pixels = self.tiling.rows * self.tiling.columns;
+        if range.start > range.end || range.end > self.tiling.timesteps {
+            return Err(Error::Shape {
+                what: "range of timesteps",
+                expected: format!("within 0..{}", self.tiling.timesteps),
+                found: format!("{range:?}"),
+            });
+        }
+        if range.len().checked_mul(pixels) != Some(out.len()) {
+            return Err(Error::Shape {
+                what: "room for the slices",
+                expected: format!("{} x {pixels} numbers", range.len()),
+                found: out.len().to_string(),
+            });
+        }
+        match &self.source {
+            Source::Npy(reader) => {
+                let first = range.start as u64 * pixels as u64;
+                reader.read_at(first, out).map_err(Error::npy(&self.path))
+            }
+            Source::Zarr(_) if range.is_empty() => Ok(()),
+            Source::Zarr(tiles) => self.read_tiles(tiles, range, out),
+        }
+    }
+
+    fn read_tiles(&self, tiles: &Tiles, range: Range<usize>, out: &mut [f32]) -> Result<(), Error> {
+        let Tiling { rows, columns, .. } = self.tiling;
+        let across = self.tiling.across();
+        // What a chunk fills lies scattered over the slices, but no two rows of tiles share any of
+        // it: each of them, for each 16 timesteps, is a piece of work of its own.
+        let mut work: Vec<Vec<&mut [f32]>> = Vec::new();
+        let mut chunks = Vec::new();
+        let mut slices = out.chunks_mut(rows * columns);
+        let mut from = range.start;
+        while from < range.end {
+            let to = (from / CHUNK_TIMESTEPS + 1).saturating_mul(CHUNK_TIMESTEPS).min(range.end);
+            let base = work.len();
+            work.resize_with(base + self.tiling.down(), Vec::new);
+            for slice in slices.by_ref().take(to - from) {
+                for (row, band) in slice.chunks_mut(TILE_EDGE * columns).enumerate() {
+                    work[base + row].push(band);
+                }
+            }
+            chunks.push((from / CHUNK_TIMESTEPS, from % CHUNK_TIMESTEPS));
+            from = to;
+        }
+        work.into_par_iter().enumerate().try_for_each_init(
+            || Scratch::new(&self.path),
+            |scratch, (number, mut bands)| {
+                let scratch = scratch.as_mut().map_err(|_| self.no_memory())?;
+                let row = number % self.tiling.down();
+                let (chunk, skip) = chunks[number / self.tiling.down()];
+                bands.iter_mut().for_each(|band| band.fill(0.0));
+                for column in 0..across {
+                    let tile = self.tiling.rect(row * across + column);
+                    tiles.decode(
+                        row * across + column,
+                        chunk..chunk + 1,
+                        scratch,
+                        |_, plain| {
+                            for (slice, band) in bands.iter_mut().enumerate() {
+                                let plain = &plain[(skip + slice) * TILE_EDGE * TILE_EDGE * 4..];
+                                for row in 0..tile.rows {
+                                    let at = row * columns + tile.column;
+                                    let to = &mut band[at..at + tile.columns];
+                                    let from = &plain[row * TILE_EDGE * 4..][..tile.columns * 4];
+                                    for (value, bytes) in to.iter_mut().zip(from.chunks_exact(4)) {
+                                        *value = number_from(bytes);
+                                    }
+                                }
+                            }
+                        },
+                    )?;
+                }
+                Ok(())
+            },
+        )
+    }
+
+    fn no_memory(&self) -> Error {
+        Error::io(&self.path)(std::io::ErrorKind::OutOfMemory.into())
+    }
+
+    /// The whole series of one pixel, W/m2, one number for each timestep.
+    ///
+    /// # Errors
+    /// A pixel beyond the volume; damaged or lost parts.
+    pub fn pixel(&self, column: usize, row: usize) -> Result<Vec<f32>, Error> {
+        let Tiling { timesteps, rows, columns } = self.tiling;
+        if column >= columns || row >= rows {
+            return Err(Error::Shape {
+                what: "pixel",
+                expected: format!("column below {columns}, row below {rows}"),
+                found: format!("column {column}, row {row}"),
+            });
+        }
+        let mut out = vec![0.0; timesteps];
+        match &self.source {
+            Source::Npy(reader) => {
+                for (timestep, value) in out.iter_mut().enumerate() {
+                    let at = (timestep as u64 * rows as u64 + row as u64) * columns as u64;
+                    reader
+                        .read_at(at + column as u64, std::slice::from_mut(value))
+                        .map_err(Error::npy(&self.path))?;
+                }
+            }
+            Source::Zarr(tiles) => {
+                let tile = row / TILE_EDGE * self.tiling.across() + column / TILE_EDGE;
+                let at = (row % TILE_EDGE * TILE_EDGE + column % TILE_EDGE) * 4;
+                out.par_chunks_mut(CHUNK_TIMESTEPS * 8).enumerate().try_for_each_init(
+                    || Scratch::new(&self.path),
+                    |scratch, (part, out)| {
+                        let scratch = scratch.as_mut().map_err(|_| self.no_memory())?;
+                        let first = part * 8;
+                        let last = first + out.len().div_ceil(CHUNK_TIMESTEPS);
+                        tiles.decode(tile, first..last, scratch, |chunk, plain| {
+                            let slices = plain.chunks_exact(TILE_EDGE * TILE_EDGE * 4);
+                            let out = &mut out[(chunk - first) * CHUNK_TIMESTEPS..];
+                            for (value, slice) in out.iter_mut().zip(slices) {
+                                *value = number_from(&slice[at..at + 4]);
+                            }
+                        })
+                    },
+                )?;
+            }
+        }
+        Ok(out)
+    }
+}
+
+/// The number in four little-endian bytes.
+pub(super) fn number_from(bytes: &[u8]) -> f32 {
+    f32::from_le_bytes([bytes[0], bytes[1], bytes[2], bytes[3]])
+}

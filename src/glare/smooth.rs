@@ -4,14 +4,14 @@ use rayon::prelude::*;
 
 use super::kernel::{Kernel, reflect};
 use super::threshold::{FindRuns, Run, stitch};
-use super::vector::{Stencil, Widen, dispatch};
+use super::vector::{Aligned, LANES, Stencil, Widen, dispatch};
 use super::window::{GROUP, Window};
 
 /// Rows that one thread filters at a time: enough that the rows above and below, which are
 /// filtered in time twice, don't matter.
 const STRIP_ROWS: usize = 64;
 /// Columns that are filtered together, so that all that is needed stays in the second cache.
-const BLOCK_COLUMNS: usize = 256;
+const BLOCK_COLUMNS: usize = 512;
 
 /// The separable Gaussian along t, then y, then x, each rounded to float32, and the threshold.
 ///
@@ -78,13 +78,13 @@ impl Smoother {
 #[derive(Default)]
 struct Scratch {
     /// One row of each slice that the filter sees.
-    slices: Vec<f64>,
+    slices: Aligned,
     /// Rows filtered in time: ring row, timestep of the batch, column.
-    ring: Vec<f64>,
+    ring: Aligned,
     /// Which rows of the ring hold nothing but 0.
     zero: Vec<bool>,
     /// A row filtered in time and along y, with what lies beyond the borders.
-    line: Vec<f64>,
+    line: Aligned,
     /// A filtered row.
     out: Vec<f32>,
 }
@@ -174,7 +174,8 @@ impl Work<'_> {
         // What the filter along x looks at, inside the picture.
         let seen =
             block.start.saturating_sub(x.radius())..(block.end + x.radius()).min(window.columns);
-        let width = seen.len();
+        let width = seen.len().next_multiple_of(LANES);
+        let out_width = block.len().next_multiple_of(LANES);
         let groups = seen.start / GROUP..seen.end.div_ceil(GROUP);
         let rows_seen = self.rows_seen();
         let mut rows_occupied = occupied.chunks_exact(window.groups);
@@ -189,13 +190,13 @@ impl Work<'_> {
         let ring_rows = (2 * y.radius() + 1).min(window.rows);
 
         let Scratch { slices, ring, zero, line, out } = &mut *self.scratch;
-        slices.resize(sees.len() * width, 0.0);
+        let slices = slices.of(sees.len() * width);
         // What is left in the ring from before is written over before it is looked at.
-        ring.resize(ring_rows * steps * width, 0.0);
+        let ring = ring.of(ring_rows * steps * width);
         zero.clear();
         zero.resize(ring_rows, false);
-        line.resize(block.len() + 2 * x.radius(), 0.0);
-        out.resize(block.len(), 0.0);
+        let line = line.of(out_width.max(width) + 2 * x.radius());
+        out.resize(out_width, 0.0);
 
         let in_time: Vec<Vec<usize>> = (self.batch.steps.clone())
             .map(|timestep| {
@@ -246,9 +247,11 @@ impl Work<'_> {
                 let middle = &mut line[inside..][..width];
                 let weights = y.weights();
                 dispatch(Stencil { lines: ring, offsets: &lines, weights, out: middle });
-                beyond_the_borders(line, line_start, &seen, window.columns);
+                let line_end = block.len() + 2 * x.radius();
+                beyond_the_borders(&mut line[..line_end], line_start, &seen, window.columns);
                 let weights = x.weights();
                 dispatch(Stencil { lines: line, offsets: &across, weights, out: &mut *out });
+                let out = &out[..block.len()];
                 compare(*threshold, out, row, block.start, &mut found[step]);
                 if let Some(kept) = kept {
                     kept.copy_from_slice(out);

@@ -4,8 +4,27 @@
 
 use pulp::{Arch, NullaryFnOnce};
 
-/// Values whose sums are kept in registers together.
-const LANES: usize = 32;
+/// Values whose sums are kept in registers together. Buffers of the filter are made so long that
+/// there is no rest.
+pub(super) const LANES: usize = 32;
+/// Bytes of a cache line: vectors that lie on its borders are loaded at once.
+const LINE_BYTES: usize = 64;
+const LINE_NUMBERS: usize = LINE_BYTES / size_of::<f64>();
+
+/// A buffer whose numbers begin at the border of a cache line.
+#[derive(Debug, Default)]
+pub(super) struct Aligned(Vec<f64>);
+
+impl Aligned {
+    /// `length` numbers: what they were, or 0 where the buffer was never as long.
+    pub fn of(&mut self, length: usize) -> &mut [f64] {
+        if self.0.len() < length + LINE_NUMBERS {
+            self.0.resize(length + LINE_NUMBERS, 0.0);
+        }
+        let start = self.0.as_ptr().align_offset(LINE_BYTES).min(LINE_NUMBERS);
+        &mut self.0[start..start + length]
+    }
+}
 
 /// Runs `op` with the machine's vector instructions.
 #[inline]
@@ -40,7 +59,7 @@ pub(super) struct Stencil<'a, T> {
     pub offsets: &'a [usize],
     /// Weight of the centre, then of each distance.
     pub weights: &'a [f64],
-    /// One value for each position of the lines.
+    /// One value for each position of the lines; a multiple of [`LANES`].
     pub out: &'a mut [T],
 }
 
@@ -53,7 +72,7 @@ impl<T: Rounded> NullaryFnOnce for Stencil<'_, T> {
     fn call(self) {
         let Self { lines, offsets, weights, out } = self;
         let (blocks, rest) = out.as_chunks_mut::<LANES>();
-        let tail = blocks.len() * LANES;
+        assert!(rest.is_empty(), "the filter works on whole blocks");
         for (number, block) in blocks.iter_mut().enumerate() {
             let at = number * LANES;
             let mut sums = [0.0; LANES];
@@ -70,14 +89,6 @@ impl<T: Rounded> NullaryFnOnce for Stencil<'_, T> {
             for (to, sum) in block.iter_mut().zip(sums) {
                 *to = T::rounded(sum);
             }
-        }
-        for (i, to) in rest.iter_mut().enumerate() {
-            let at = tail + i;
-            let mut sum = lines[offsets[0] + at] * weights[0];
-            for (weight, pair) in weights[1..].iter().zip(offsets[1..].chunks_exact(2)).rev() {
-                sum += (lines[pair[0] + at] + lines[pair[1] + at]) * weight;
-            }
-            *to = T::rounded(sum);
         }
     }
 }

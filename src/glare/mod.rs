@@ -1,1 +1,33 @@
-//! (door of the room)
+//! The glare analysis: the time series, smoothed in time and space, held against a threshold; how
+//! long each pixel stays above it, and which glare events there are.
+//!
+//! Everything streams: a window of a few timesteps slides over the volume, so memory doesn't
+//! depend on the length of the year, and the result is that of
+//! `tools/oracles/glare_reference.py` (SciPy, the whole volume in memory): the same integers, and
+//! the same bits of the filtered volume.
+//!
+//! [`Slices`] → `smooth` → `threshold` → `label` → `duration`, `event`; `rules` judge.
+
+mod duration;
+mod error;
+mod event;
+mod kernel;
+mod label;
+mod plan;
+pub mod rules;
+mod settings;
+mod slices;
+mod smooth;
+mod stream;
+mod threshold;
+mod track;
+mod vector;
+mod window;
+
+pub use error::Error;
+pub use event::Event;
+pub use kernel::Kernel;
+pub use plan::Plan;
+pub use settings::{Connectivity, Settings};
+pub use slices::{Calendar, ReadFailure, Slices};
+pub use stream::{Analysis, Filtered, analyse, analyse_planned, plan, segments_of_numbers};

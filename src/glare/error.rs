@@ -1,0 +1,159 @@
+use std::io;
+
+use super::slices::ReadFailure;
+use crate::base::{FaultKind, Interrupted};
+
+/// Why a volume could not be analysed.
+#[derive(Debug, thiserror::Error)]
+pub enum Error {
+    /// The threshold isn't a number that irradiance can be held against.
+    #[error(
+        "the threshold {0} W/m2 is not a finite number >= 0 that fits into float32: give one, such as 10"
+    )]
+    Threshold(f64),
+    /// A sigma isn't usable.
+    #[error(
+        "sigma {value} along {axis} is not a finite number >= 0: give one, or 0 to leave the axis as it is"
+    )]
+    Sigma {
+        /// Which axis: `t`, `y` or `x`.
+        axis: char,
+        /// What was given.
+        value: f64,
+    },
+    /// Truncation isn't usable.
+    #[error("truncate {0} is not a finite number >= 0: give one, such as 4")]
+    Truncate(f64),
+    /// A filter that reaches farther than any use has.
+    #[error(
+        "sigma {sigma} along {axis}, cut at {truncate} sigma, reaches over {radius} voxels, more than {limit}: give a smaller sigma or truncate"
+    )]
+    Radius {
+        /// Which axis: `t`, `y` or `x`.
+        axis: char,
+        /// Standard deviation, voxels.
+        sigma: f64,
+        /// Where the filter ends, in sigmas.
+        truncate: f64,
+        /// The radius that follows, voxels.
+        radius: f64,
+        /// The largest that is allowed, voxels.
+        limit: usize,
+    },
+    /// There is nothing to analyse, or more than numbers of the analysis can count.
+    #[error(
+        "the volume has {0} timesteps, {1} rows and {2} columns: at least 1 of each is needed, and at most {max_t} timesteps and {max_p} pixels",
+        max_t = crate::base::limits::MAX_TIMESTEPS,
+        max_p = crate::base::limits::MAX_VIEW_PIXELS
+    )]
+    Shape(usize, usize, usize),
+    /// Segments must follow each other without gaps.
+    #[error(
+        "segment {index} covers timesteps {start} to {end} (exclusive), expected it to begin at {expected} and end after that within {timesteps} timesteps"
+    )]
+    Segments {
+        /// Which segment, from 0; the number of segments if the last ones don't reach the end.
+        index: usize,
+        /// Its first timestep.
+        start: usize,
+        /// One past its last timestep.
+        end: usize,
+        /// Where it should begin.
+        expected: usize,
+        /// Timesteps of the volume.
+        timesteps: usize,
+    },
+    /// A file of segment numbers doesn't fit the volume.
+    #[error("{found} segment numbers for {timesteps} timesteps: one for each timestep is needed")]
+    SegmentNumbers {
+        /// How many there are.
+        found: usize,
+        /// How many are needed.
+        timesteps: usize,
+    },
+    /// A calendar that doesn't fit the volume.
+    #[error("the volume's calendar has {found} entries for {timesteps} timesteps")]
+    Calendar {
+        /// How many there are.
+        found: usize,
+        /// How many are needed.
+        timesteps: usize,
+    },
+    /// A voxel isn't a number.
+    #[error(
+        "voxel at timestep {timestep}, row {row}, column {column} is {value}, expected a finite irradiance: mend the volume, or analyse it as it is with --allow-nonfinite"
+    )]
+    NonFinite {
+        /// Timestep, from 0.
+        timestep: usize,
+        /// Row, from 0 at the top.
+        row: usize,
+        /// Column, from 0.
+        column: usize,
+        /// What was found.
+        value: f32,
+    },
+    /// The memory limit doesn't even hold one step's window.
+    #[error(
+        "analysing {pixels} pixels with a window of {window} timesteps needs {needed_mib} MiB, the limit is {given_mib} MiB: raise --memory or lower sigma along t"
+    )]
+    Memory {
+        /// Pixels of a slice.
+        pixels: usize,
+        /// Slices that the filter needs at once.
+        window: usize,
+        /// What would be enough, MiB.
+        needed_mib: u64,
+        /// The limit, MiB.
+        given_mib: u64,
+    },
+    /// More glare events are alive at once, or were found, than the memory limit holds.
+    #[error(
+        "at timestep {timestep} the glare events take {found_mib} MiB, {allowed_mib} MiB are left for them: raise --memory, or the threshold"
+    )]
+    Events {
+        /// Timestep, from 0.
+        timestep: usize,
+        /// What they take, MiB.
+        found_mib: u64,
+        /// What is left for them, MiB.
+        allowed_mib: u64,
+    },
+    /// A rule profile can't be understood.
+    #[error("rule profile {name}: {message}")]
+    Rules {
+        /// The profile's file or id.
+        name: String,
+        /// What is wrong, with line and column where known.
+        message: String,
+    },
+    /// No profile has this id.
+    #[error("there is no rule profile {name:?}; known are {known}")]
+    UnknownRules {
+        /// What was asked for.
+        name: String,
+        /// The ids that exist.
+        known: String,
+    },
+    /// The volume can't be read.
+    #[error(transparent)]
+    Read(#[from] ReadFailure),
+    /// The filtered volume can't be written.
+    #[error("the filtered volume can't be written")]
+    Filtered(#[source] io::Error),
+    /// The user asked to stop.
+    #[error(transparent)]
+    Interrupted(#[from] Interrupted),
+}
+
+impl Error {
+    /// What the error means for the process.
+    pub fn kind(&self) -> FaultKind {
+        match self {
+            Self::Read(failure) => failure.kind,
+            Self::Filtered(_) | Self::Events { .. } => FaultKind::Failed,
+            Self::Interrupted(_) => FaultKind::Interrupted,
+            _ => FaultKind::Input,
+        }
+    }
+}

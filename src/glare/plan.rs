@@ -1,0 +1,105 @@
+use super::duration::Durations;
+use super::error::Error;
+use super::settings::Settings;
+use super::smooth::Smoother;
+use super::track::Yearly;
+
+/// Timesteps that are filtered together: each slice of the window is then fetched from memory
+/// twice instead of nine times at sigma 1.
+const BATCH: usize = 8;
+/// Slices that are read together at most, where a slice is small.
+const MAX_BLOCK: usize = 256;
+/// Bytes that a block may have for the sake of fewer reads.
+const SMALL_BLOCK_BYTES: u64 = 4 << 20;
+
+/// How an analysis is cut into steps. Any plan gives the same result.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
+pub struct Plan {
+    /// Timesteps that are filtered together.
+    pub batch: usize,
+    /// Timesteps that are read together.
+    pub block: usize,
+    /// Anonymous memory for pixels and window, bytes.
+    pub fixed_bytes: u64,
+    /// What is left for glare events and runs, bytes.
+    pub events_bytes: u64,
+}
+
+/// What decides how much memory is needed.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Demand {
+    pub shape: [usize; 3],
+    /// Radius of the filter along t and y.
+    pub radius: [usize; 2],
+    pub chunk_timesteps: usize,
+    pub calendar: bool,
+    pub keep: bool,
+    pub threads: usize,
+}
+
+impl Demand {
+    pub fn new(
+        shape: [usize; 3],
+        smoother: &Smoother,
+        chunk_timesteps: usize,
+        calendar: bool,
+        keep: bool,
+    ) -> Self {
+        let radius = [smoother.t.radius(), smoother.y.radius()];
+        let threads = rayon::current_num_threads();
+        Self { shape, radius, chunk_timesteps, calendar, keep, threads }
+    }
+
+    /// The steps that fit into the memory limit and use it best.
+    pub fn plan(&self, settings: &Settings) -> Result<Plan, Error> {
+        let slice_bytes = 4 * self.pixels();
+        let small = usize::try_from(SMALL_BLOCK_BYTES / slice_bytes).unwrap_or(MAX_BLOCK);
+        let block = self.chunk_timesteps.max(small).clamp(1, MAX_BLOCK);
+        let steps = [
+            (BATCH, block),
+            (BATCH, BATCH),
+            (BATCH, 4),
+            (BATCH, 2),
+            (4, 4),
+            (4, 2),
+            (2, 2),
+            (2, 1),
+            (1, 1),
+        ];
+        let limit = settings.memory_bytes;
+        let roomy = steps.iter().find(|(batch, block)| self.bytes(*batch, *block) <= limit / 4 * 3);
+        let (batch, block) = *roomy.unwrap_or(&(1, 1));
+        let fixed_bytes = self.bytes(batch, block);
+        if fixed_bytes > limit {
+            return Err(Error::Memory {
+                pixels: self.shape[1] * self.shape[2],
+                window: self.window(batch, block),
+                needed_mib: (fixed_bytes >> 20) + 16,
+                given_mib: limit >> 20,
+            });
+        }
+        Ok(Plan { batch, block, fixed_bytes, events_bytes: limit - fixed_bytes })
+    }
+
+    fn pixels(&self) -> u64 {
+        (self.shape[1] * self.shape[2]) as u64
+    }
+
+    /// Slices in memory at most: those that the filter sees, what else lies in the blocks at both
+    /// ends, and the block that is being read.
+    fn window(&self, batch: usize, block: usize) -> usize {
+        let seen = (2 * self.radius[0] + batch).min(self.shape[0]);
+        seen + 2 * (block - 1) + batch.max(block)
+    }
+
+    fn bytes(&self, batch: usize, block: usize) -> u64 {
+        let yearly = if self.calendar { Yearly::BYTES_PER_PIXEL + 4 } else { 0 };
+        let keep = if self.keep { 4 * batch as u64 } else { 0 };
+        let window = self.window(batch, block) as u64;
+        let pixel = Durations::BYTES_PER_PIXEL + yearly + keep + 4 * window + window / 64;
+        let ring = (2 * self.radius[1] + 1).min(self.shape[1]) * batch;
+        let seen = (2 * self.radius[0] + batch).min(self.shape[0]);
+        let width = self.shape[2].min(512);
+        pixel * self.pixels() + (self.threads * 8 * width * (ring + seen)) as u64
+    }
+}

@@ -1,0 +1,87 @@
+use super::error::Error;
+use super::kernel::Kernel;
+
+/// Which voxels are neighbours.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
+pub enum Connectivity {
+    /// Those that share a face.
+    #[default]
+    Faces,
+    /// Those that share a face or an edge.
+    Edges,
+    /// Those that share a face, an edge or a corner.
+    Corners,
+}
+
+impl Connectivity {
+    /// From the number of neighbours that a voxel has: 6, 18 or 26.
+    pub fn from_neighbours(neighbours: u32) -> Option<Self> {
+        match neighbours {
+            6 => Some(Self::Faces),
+            18 => Some(Self::Edges),
+            26 => Some(Self::Corners),
+            _ => None,
+        }
+    }
+
+    /// Number of neighbours of a voxel.
+    pub fn neighbours(self) -> u32 {
+        match self {
+            Self::Faces => 6,
+            Self::Edges => 18,
+            Self::Corners => 26,
+        }
+    }
+}
+
+/// What the analysis is asked for.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Settings {
+    /// Glare is what lies strictly above it, after the filter, W/m2; rounded to float32.
+    pub threshold: f64,
+    /// Standard deviations of the Gaussian along t, y and x, voxels; 0 leaves an axis alone.
+    pub sigma: [f64; 3],
+    /// Where the Gaussian ends, in standard deviations.
+    pub truncate: f64,
+    /// Which voxels above the threshold belong to one event.
+    pub connectivity: Connectivity,
+    /// Analyse NaN and infinities as they are instead of refusing them.
+    pub allow_nonfinite: bool,
+    /// What the analysis may keep in memory, bytes.
+    pub memory_bytes: u64,
+}
+
+impl Default for Settings {
+    fn default() -> Self {
+        Self {
+            threshold: 10.0,
+            sigma: [1.0; 3],
+            truncate: 4.0,
+            connectivity: Connectivity::Faces,
+            allow_nonfinite: false,
+            memory_bytes: 1 << 30,
+        }
+    }
+}
+
+impl Settings {
+    /// The threshold as it is compared.
+    pub(super) fn threshold_f32(&self) -> Result<f32, Error> {
+        let rounded = self.threshold as f32;
+        if self.threshold.is_finite() && rounded.is_finite() && self.threshold >= 0.0 {
+            Ok(rounded)
+        } else {
+            Err(Error::Threshold(self.threshold))
+        }
+    }
+
+    /// The filter along t, y and x.
+    pub(super) fn kernels(&self) -> Result<[Kernel; 3], Error> {
+        if !(self.truncate.is_finite() && self.truncate >= 0.0) {
+            return Err(Error::Truncate(self.truncate));
+        }
+        let kernel = |axis, value| Kernel::gaussian(axis, value, self.truncate);
+        let [t, y, x] = self.sigma;
+        Ok([kernel('t', t)?, kernel('y', y)?, kernel('x', x)?])
+    }
+}

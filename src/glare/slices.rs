@@ -1,0 +1,47 @@
+use std::error::Error as StdError;
+use std::ops::Range;
+
+use crate::base::FaultKind;
+
+/// Why a volume's slices could not be read.
+#[derive(Debug, thiserror::Error)]
+#[error("the volume can't be read")]
+pub struct ReadFailure {
+    /// What it means for the process.
+    pub kind: FaultKind,
+    /// The volume's own error.
+    #[source]
+    pub source: Box<dyn StdError + Send + Sync>,
+}
+
+/// What a volume knows of its timesteps' place in the year.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Calendar {
+    /// Day of year of each timestep, 0 is 1 January; the days of one day follow each other.
+    pub day: Vec<u32>,
+    /// How many hours of the year each timestep stands for, h.
+    pub weight_h: Vec<f64>,
+}
+
+/// A time series that is read slice by slice: irradiance in W/m2, `[timestep, row, column]`,
+/// chronological, row 0 at the top.
+pub trait Slices: Sync {
+    /// Timesteps, rows and columns.
+    fn shape(&self) -> [usize; 3];
+
+    /// Fills `out` (as many slices as `range` has timesteps) with the slices of `range`.
+    ///
+    /// # Errors
+    /// Whatever keeps the volume from being read.
+    fn read(&self, range: Range<usize>, out: &mut [f32]) -> Result<(), ReadFailure>;
+
+    /// How many timesteps are best read at once, beginning at a multiple of that number.
+    fn chunk_timesteps(&self) -> usize {
+        1
+    }
+
+    /// Days and weights of the timesteps, where the volume knows them.
+    fn calendar(&self) -> Option<Calendar> {
+        None
+    }
+}

@@ -1,1 +1,37 @@
-//! (door of the room)
+//! The photon store: photons as they come, sorted and in pages on disk, and found again.
+//!
+//! [`Spill`] takes photons and parts them on disk by octree cell; [`build`] sorts each part within
+//! the memory it is given and writes the store, whose bytes depend on the photons alone;
+//! [`Store`] maps it, keeps decompressed pages in a cache weighed in bytes, and delivers the k
+//! nearest photons of a spot, those in a box, or all. What they mean is for others to say. The
+//! file is described in [`glintmap_formats::gmp`].
+
+mod build;
+mod cache;
+mod error;
+mod facts;
+mod inspect;
+mod mapped;
+mod morton;
+mod page;
+mod quantise;
+mod query;
+mod sort;
+mod spill;
+mod store;
+mod tree;
+mod verify;
+
+#[cfg(test)]
+mod tests;
+
+pub use build::{StoreSummary, build, spill_dir};
+pub use cache::CacheStats;
+pub use error::Error;
+pub use facts::{About, RADIUS_RULE, StoreInfo};
+pub use inspect::{LevelStats, PerTimestep};
+pub use mapped::Access;
+pub use query::{Neighbour, Neighbours, Query};
+pub use spill::{Spill, SpillSummary, discard};
+pub use store::{OpenOptions, Store};
+pub use verify::verify;

@@ -13,8 +13,10 @@ use crate::site::Site;
 /// out: together they cover the sky with `SKY_RAYS * SQUARE^2` directions.
 const SKY_RAYS: usize = 16;
 const SQUARE: usize = 4;
-/// Light of the sky on an open horizontal plane, relative to the sun's.
-const SKY_PART: f32 = 0.62;
+/// Light of all suns on an open horizontal plane: bright, without burning white walls out.
+const SUN_PART: f32 = 1.15;
+/// Weight of the sky's light beside it.
+const SKY_PART: f32 = 0.46;
 /// Where rays go through a pixel on an edge: a rotated grid, so that upright and level edges gain
 /// as much as slanted ones.
 const EDGE_RAYS: [(f64, f64); 4] = [(0.375, 0.125), (0.875, 0.375), (0.625, 0.875), (0.125, 0.625)];
@@ -259,7 +261,7 @@ impl Painter<'_> {
                 sun += cos * irradiance;
             }
         }
-        let light = palette::SUN * sun + sky;
+        let light = palette::SUN * (SUN_PART * sun) + sky;
         let seen = match self.palette.reflectance(spot.face, spot.normal) {
             Some(reflectance) => reflectance * light,
             None => self.glass(spot, light),
@@ -268,7 +270,7 @@ impl Painter<'_> {
             return seen;
         }
         // A little haze tells near from far.
-        let haze = 1.0 - libm::expf(-spot.distance_m / 1500.0);
+        let haze = 1.0 - libm::expf(-spot.distance_m / 3000.0);
         seen.lerp(palette::sky(Vec3::X), haze)
     }
 

@@ -5,11 +5,11 @@ use crate::site::{Face, Site};
 /// Colour of the sun's light, relative.
 pub(super) const SUN: Vec3 = Vec3::new(1.0, 0.94, 0.84);
 /// What PV reflects diffusely in the picture: dark blue, so that it is found at once.
-pub(super) const PV: Vec3 = Vec3::new(0.030, 0.060, 0.175);
+pub(super) const PV: Vec3 = Vec3::new(0.018, 0.036, 0.115);
 /// Where the picture shows nothing: paper.
 pub(super) const PAPER: Vec3 = Vec3::ONE;
 /// Light that comes from the ground and from walls, relative to a horizontal plane in the open.
-pub(super) const BOUNCE: Vec3 = Vec3::new(0.16, 0.15, 0.13);
+pub(super) const BOUNCE: Vec3 = Vec3::new(0.13, 0.12, 0.105);
 
 const ZENITH: Vec3 = Vec3::new(0.26, 0.44, 0.80);
 const HORIZON: Vec3 = Vec3::new(0.80, 0.87, 0.94);
@@ -103,6 +103,6 @@ pub(super) fn sky(direction: Vec3) -> Vec3 {
         let t = z.min(1.0).sqrt();
         HORIZON.lerp(ZENITH, t * (2.0 - t) * 0.9)
     } else {
-        HORIZON.lerp(GROUND, (-z * 6.0).min(1.0))
+        HORIZON.lerp(GROUND, (-z * 3.0).min(1.0))
     }
 }

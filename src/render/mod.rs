@@ -1,1 +1,26 @@
-//! (door of the room)
+//! What a view shows: rays, what they hit first, the irradiance there, and the picture behind it.
+//!
+//! A [`View`] turns pixels into rays exactly as Radiance's `vwrays` does. [`hits`] writes down what
+//! each pixel sees, once per view, for everyone else. [`annual`] and [`series`] ask the photon
+//! store for the photons around each hit and turn them into irradiance; [`background`] paints the
+//! scene by daylight, so that a planner recognises the house.
+
+mod background;
+mod error;
+mod estimate;
+mod gather;
+mod hits;
+mod order;
+mod palette;
+mod seen;
+mod series;
+mod view;
+mod view_options;
+
+pub use background::{background, representative_suns};
+pub use error::Error;
+pub use estimate::{Estimate, Estimator, estimate};
+pub use gather::{Annual, Gather, annual};
+pub use hits::{Hit, HitKind, HitMap, hits};
+pub use series::{Quantity, SeriesSummary, series};
+pub use view::{Projection, View, ViewRay};

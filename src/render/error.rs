@@ -1,0 +1,63 @@
+use crate::base::{FaultKind, Interrupted, SinkError};
+use crate::pages;
+
+/// Why a view can't be rendered.
+#[derive(Debug, thiserror::Error)]
+pub enum Error {
+    /// A word of the view's options doesn't fit.
+    #[error("view, column {column}: expected {expected}, found {found}")]
+    ViewWord {
+        /// Where the word begins in the options, from 1.
+        column: usize,
+        /// What would fit.
+        expected: String,
+        /// What is there.
+        found: String,
+    },
+    /// The options can be read, but together they make no view.
+    #[error("view: {what}")]
+    View {
+        /// What doesn't hold and what to do.
+        what: String,
+    },
+    /// The settings of the gather make no sense.
+    #[error("{what}")]
+    Settings {
+        /// What was expected, what was found.
+        what: String,
+    },
+    /// The photon store could not be read.
+    #[error("the photon store can't be read")]
+    Pages(#[from] pages::Error),
+    /// The file of hits could not be read or written.
+    #[error("the file of hits can't be used")]
+    Hits(#[from] glintmap_formats::hits::Error),
+    /// The time series could not be written.
+    #[error("the time series can't be written")]
+    Sink(#[source] std::io::Error),
+    /// The user asked to stop.
+    #[error(transparent)]
+    Interrupted(#[from] Interrupted),
+}
+
+impl Error {
+    /// What kind of failure it is.
+    pub fn kind(&self) -> FaultKind {
+        match self {
+            Self::ViewWord { .. } | Self::View { .. } | Self::Settings { .. } => FaultKind::Input,
+            Self::Pages(e) => e.kind(),
+            Self::Hits(e) if e.is_damage() => FaultKind::Damaged,
+            Self::Hits(_) | Self::Sink(_) => FaultKind::Failed,
+            Self::Interrupted(_) => FaultKind::Interrupted,
+        }
+    }
+}
+
+impl From<SinkError> for Error {
+    fn from(error: SinkError) -> Self {
+        match error {
+            SinkError::Io(e) => Self::Sink(e),
+            SinkError::Interrupted(e) => Self::Interrupted(e),
+        }
+    }
+}

@@ -1,12 +1,19 @@
 //! One file a command: each parses its arguments, wires rooms together and prints. No logic.
 
 mod bar;
+mod bytes;
+mod check;
 mod context;
 mod convert;
+mod demo;
 mod exit;
 mod glare;
 mod inspect;
+mod new;
 mod picture;
+mod plan;
+mod probe;
+mod run;
 mod suns;
 mod verify;
 mod volume;
@@ -42,6 +49,12 @@ pub struct Common {
 
 #[derive(Debug, Subcommand)]
 enum Command {
+    Demo(demo::Arguments),
+    New(new::Arguments),
+    Run(run::Arguments),
+    Plan(plan::Arguments),
+    Check(check::Arguments),
+    Probe(probe::Arguments),
     Suns(suns::Arguments),
     #[command(subcommand)]
     Glare(glare::Command),
@@ -61,6 +74,12 @@ enum Command {
 pub fn run(cli: Cli) -> anyhow::Result<()> {
     let context = Context::new(cli.common)?;
     match cli.command {
+        Command::Demo(arguments) => demo::run(&arguments, &context),
+        Command::New(arguments) => new::run(&arguments, &context),
+        Command::Run(arguments) => run::run(&arguments, &context),
+        Command::Plan(arguments) => plan::run(&arguments, &context),
+        Command::Check(arguments) => check::run(&arguments, &context),
+        Command::Probe(arguments) => probe::run(&arguments, &context),
         Command::Suns(arguments) => suns::run(&arguments, &context),
         Command::Glare(command) => glare::run(&command, &context),
         Command::Volume(command) => volume::run(&command, &context),

@@ -1,1 +1,5 @@
-//! (door of the room)
+//! The report for people who read no pixels: one HTML page beside the pictures it shows.
+
+mod document;
+
+pub use document::{Document, Figure, Section, Table, html};

@@ -1,1 +1,26 @@
-//! (door of the room)
+//! The project file, the plan, the stages and the manifest: the only place that knows the order
+//! of the stages and joins rooms that don't know each other.
+
+mod clock;
+mod create;
+mod error;
+mod estimate;
+mod folder;
+mod log;
+pub mod manifest;
+pub mod probe;
+mod project;
+mod resolve;
+mod runner;
+mod set;
+mod stages;
+
+pub use clock::Clock;
+pub use create::{Demo, Quality, SiteAt, create, demo};
+pub use error::Error;
+pub use estimate::{Estimate, StageEstimate, bytes_in_words, estimate};
+pub use folder::Folder;
+pub use project::Project;
+pub use resolve::{Candidate, DRAFT_BELOW_PHOTONS, PlannedView, Resolved};
+pub use runner::{Options, Stage, Summary, run};
+pub use set::Assignment;

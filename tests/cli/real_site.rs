@@ -1,1 +1,28 @@
+//! The real site: Rotterdam Delfshaven, at draft quality.
 
+use crate::support::data;
+use crate::support::program::{root, succeed};
+
+#[test]
+fn rotterdam_runs_at_draft_quality() {
+    let Some(scene) = data("city/rotterdam_delfshaven.city.json") else { return };
+    let keep = tempfile::tempdir().expect("a temporary folder");
+    let project = keep.path().join("project.toml");
+    let text = std::fs::read_to_string(root().join("fixtures/projects/rotterdam/project.toml"))
+        .expect("the example project");
+    std::fs::write(&project, text).expect("writes");
+    let path = keep.path().to_str().expect("a plain path");
+    let files = format!("scene.files=[{:?}]", scene.canonicalize().expect("exists"));
+    let draft = [
+        "--set", &files, "--set", "photons.stored=100000", "--set", "view.plan.size=[200, 200]",
+        "--set", "view.panorama.size=[400, 100]", "--set", "view.plan.bandwidth=50", "--set",
+        "view.panorama.bandwidth=50", "--set", "view.plan.series_bandwidth=1000", "--set",
+        "view.panorama.series_bandwidth=1000",
+    ];
+    let check = succeed(&[&["check", path][..], &draft[..2]].concat());
+    assert!(check.out.contains("degenerate") || check.out.contains("zero area"), "{}", check.out);
+    succeed(&[&["run", path, "--quiet"][..], &draft[..]].concat());
+    for name in ["standard/plan/annual.png", "standard/plan/ratio.png", "report.html"] {
+        assert!(keep.path().join("run").join(name).exists(), "{name}");
+    }
+}

@@ -1,1 +1,103 @@
+//! Same inputs, same seed: the same bytes in every output, whatever the threads, the cache, the
+//! memory, the shards, and however often the run was killed.
 
+use std::collections::BTreeMap;
+use std::fs;
+use std::path::Path;
+use std::time::Duration;
+
+use crate::support::program::{glintmap, hashes, project, root, succeed};
+
+fn run(project: &Path, more: &[&str]) -> BTreeMap<String, String> {
+    let path = project.to_str().expect("a plain path");
+    let mut arguments = vec!["run", path, "--quiet"];
+    arguments.extend(more);
+    succeed(&arguments);
+    hashes(project)
+}
+
+fn assert_same(a: &BTreeMap<String, String>, b: &BTreeMap<String, String>, what: &str) {
+    let differ: Vec<&String> =
+        a.keys().chain(b.keys()).filter(|name| a.get(*name) != b.get(*name)).collect();
+    assert!(differ.is_empty(), "{what}: these differ: {differ:?}");
+}
+
+#[test]
+fn threads_cache_and_memory_change_no_byte() {
+    let (_keep, one) = project("tiny");
+    let first = run(&one, &["--threads", "1", "--page-cache", "1MiB"]);
+    assert!(first.len() > 20, "a whole run leaves many files, found {}", first.len());
+    let (_keep, two) = project("tiny");
+    let second = run(&two, &["--threads", "2", "--page-cache", "256MiB", "--memory", "256MiB"]);
+    assert_same(&first, &second, "1 thread and 1 MiB against 2 threads and 256 MiB");
+}
+
+#[test]
+fn another_seed_changes_the_photons() {
+    let (_keep, one) = project("tiny");
+    let first = run(&one, &["--until", "pages"]);
+    let second = run(&one, &["--until", "pages", "--set", "photons.seed=2"]);
+    let stores = |h: &BTreeMap<String, String>| {
+        h.iter().filter(|(n, _)| n.ends_with(".gmp")).map(|(_, v)| v.clone()).collect::<Vec<_>>()
+    };
+    assert_ne!(stores(&first), stores(&second));
+}
+
+/// The hashes of all outputs of a tiny project, committed: what changes a byte anywhere shows up
+/// here. `GLINTMAP_BLESS=1` writes them anew, after the change was understood.
+#[test]
+fn the_tiny_project_has_the_committed_bytes() {
+    let (_keep, tiny) = project("tiny");
+    let found = run(&tiny, &[]);
+    let file = root().join("fixtures/tiny-hashes.json");
+    if std::env::var_os("GLINTMAP_BLESS").is_some() {
+        let text = serde_json::to_string_pretty(&found).expect("writes") + "\n";
+        fs::write(&file, text).expect("writes the fixture");
+    }
+    let text = fs::read(&file).expect("fixtures/tiny-hashes.json");
+    let committed: BTreeMap<String, String> = serde_json::from_slice(&text).expect("reads");
+    assert_same(&committed, &found, "fixtures/tiny-hashes.json (see the comment of this test)");
+}
+
+#[test]
+fn killed_at_any_moment_it_resumes_to_the_same_bytes() {
+    let (_keep, whole) = project("tiny");
+    let expected = run(&whole, &[]);
+    let (_keep, killed) = project("tiny");
+    let path = killed.to_str().expect("a plain path");
+    let mut kills = 0;
+    for ms in (10..600).step_by(35) {
+        let mut child =
+            glintmap(&["run", path, "--quiet"]).spawn().expect("the program starts");
+        std::thread::sleep(Duration::from_millis(ms));
+        if child.try_wait().expect("asks").is_none() {
+            kills += 1;
+        }
+        // SIGKILL: no chance to clean up.
+        child.kill().expect("kills");
+        child.wait().expect("waits");
+    }
+    assert!(kills > 3, "the runs ended before they were killed");
+    assert_same(&expected, &run(&killed, &[]), "killed and resumed");
+}
+
+#[test]
+fn a_second_run_makes_nothing_and_a_changed_key_only_what_follows() {
+    let (_keep, tiny) = project("tiny");
+    run(&tiny, &[]);
+    let path = tiny.to_str().expect("a plain path");
+    let again = succeed(&["run", path, "--quiet", "--json"]);
+    let summary: serde_json::Value = serde_json::from_str(&again.out).expect("one JSON document");
+    assert_eq!(summary["made"].as_array().map(Vec::len), Some(0), "{summary}");
+    let changed =
+        succeed(&["run", path, "--quiet", "--json", "--set", "glare.thresholds_w_m2=[5.0]"]);
+    let summary: serde_json::Value = serde_json::from_str(&changed.out).expect("JSON");
+    let made: Vec<&str> = summary["made"]
+        .as_array()
+        .expect("a list")
+        .iter()
+        .filter_map(serde_json::Value::as_str)
+        .collect();
+    assert!(made.iter().any(|m| m.starts_with("glare")), "{made:?}");
+    assert!(!made.iter().any(|m| m.starts_with("trace") || m.starts_with("render")), "{made:?}");
+}

@@ -1,0 +1,47 @@
+use std::fmt::Write as _;
+use std::path::PathBuf;
+
+use serde_json::json;
+
+use super::Context;
+use crate::base::limits::MAX_FINDINGS_SHOWN;
+use crate::run::{Assignment, Resolved};
+use crate::site::{Site, check};
+use crate::sky;
+
+/// Read all inputs and say what was understood and what looks wrong, without running
+#[derive(Debug, clap::Args)]
+#[command(after_help = "Example:\n  glintmap check church")]
+pub(super) struct Arguments {
+    /// The project's folder or its project.toml
+    project: PathBuf,
+    /// Override a key of the project file
+    #[arg(long, value_name = "KEY=VALUE")]
+    set: Vec<Assignment>,
+}
+
+pub(super) fn run(arguments: &Arguments, context: &Context) -> anyhow::Result<()> {
+    let resolved = Resolved::read(&arguments.project, &arguments.set, 1 << 30)?;
+    let timeline = sky::timeline(&resolved.place, &resolved.times)?;
+    let site = Site::load(&resolved.scene, &resolved.pv)?;
+    let summary = check::summarise(&site);
+    let names: Vec<&str> = resolved.candidates.iter().map(|c| c.name.as_str()).collect();
+    let mut text = format!("{summary}\n");
+    // Writing into a String can't fail.
+    let _ = writeln!(text, "{} timesteps with the sun above the horizon", timeline.steps.len());
+    let _ = writeln!(text, "materials: {}", names.join(", "));
+    for finding in site.findings.iter().take(MAX_FINDINGS_SHOWN) {
+        let _ = writeln!(text, "{finding}");
+    }
+    if site.findings.len() > MAX_FINDINGS_SHOWN {
+        let more = site.findings.len() - MAX_FINDINGS_SHOWN;
+        let _ = writeln!(text, "… and {more} more; --json prints all");
+    }
+    let document = json!({
+        "site": summary,
+        "timesteps": timeline.steps.len(),
+        "materials": names,
+        "findings": site.findings,
+    });
+    context.print(&document, &text)
+}

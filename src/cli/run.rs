@@ -1,0 +1,80 @@
+use std::fmt::Write as _;
+use std::path::PathBuf;
+
+use clap::builder::{PossibleValuesParser, TypedValueParser};
+
+use super::{Context, bytes::parse_bytes};
+use crate::run::{self, Assignment, Options, Resolved, Stage, Summary};
+
+/// Run what is missing or out of date, resume what was interrupted
+#[derive(Debug, clap::Args)]
+#[command(after_help = "Examples:\n  glintmap run church\n  glintmap run church --until trace\n  glintmap run church --set photons.stored=200000 --set view.plan.bandwidth=50")]
+pub(super) struct Arguments {
+    /// The project's folder or its project.toml
+    project: PathBuf,
+    #[command(flatten)]
+    how: How,
+}
+
+/// How to run: shared by `run` and `demo`.
+#[derive(Debug, clap::Args)]
+pub(super) struct How {
+    /// The last stage to run
+    #[arg(long, value_name = "STAGE", value_parser = stage())]
+    until: Option<Stage>,
+    /// Redo this stage and what follows
+    #[arg(long, value_name = "STAGE", value_parser = stage())]
+    force: Option<Stage>,
+    /// Override a key of the project file; tables by name, TOML values
+    #[arg(long, value_name = "KEY=VALUE")]
+    set: Vec<Assignment>,
+    /// Bound of anonymous memory
+    #[arg(long, value_name = "SIZE", default_value = "1GiB", value_parser = parse_bytes)]
+    memory: u64,
+    /// Of the photon store's page cache
+    #[arg(long, value_name = "SIZE", default_value = "256MiB", value_parser = parse_bytes)]
+    page_cache: u64,
+}
+
+fn stage() -> impl TypedValueParser<Value = Stage> {
+    PossibleValuesParser::new(Stage::ALL.map(Stage::name)).map(|name| {
+        // The parser let only names of stages through.
+        Stage::ALL.into_iter().find(|s| s.name() == name).unwrap_or(Stage::Report)
+    })
+}
+
+pub(super) fn run(arguments: &Arguments, context: &Context) -> anyhow::Result<()> {
+    go(&arguments.project, &arguments.how, context)
+}
+
+/// Runs a project and prints what was done.
+pub(super) fn go(project: &std::path::Path, how: &How, context: &Context) -> anyhow::Result<()> {
+    let resolved = Resolved::read(project, &how.set, how.memory)?;
+    let options = Options {
+        until: how.until.unwrap_or(Stage::Report),
+        force: how.force,
+        memory_bytes: how.memory,
+        page_cache_bytes: how.page_cache,
+    };
+    let summary = run::run(&resolved, options, context.progress())?;
+    context.print(&summary, &told(&summary, options.until))
+}
+
+fn told(summary: &Summary, until: Stage) -> String {
+    let mut text = String::new();
+    // Writing into a String can't fail.
+    let _ = match (summary.made.len(), summary.current.len()) {
+        (0, current) => writeln!(text, "nothing to do: all {current} units are up to date"),
+        (made, 0) => writeln!(text, "made {made} units"),
+        (made, current) => writeln!(text, "made {made} units, {current} were up to date"),
+    };
+    if summary.draft {
+        let _ = writeln!(text, "draft, not for assessment: fewer than 4 million photons a material");
+    }
+    if until == Stage::Report {
+        let _ = writeln!(text, "look at {}", summary.folder.join("report.html").display());
+    } else {
+        let _ = writeln!(text, "results lie in {}", summary.folder.display());
+    }
+    text
+}

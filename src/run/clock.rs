@@ -1,0 +1,68 @@
+//! Dates and times as people read them.
+
+use jiff::civil::Date;
+use jiff::tz::TimeZone;
+use jiff::{SignedDuration, Timestamp};
+
+use super::project::SiteTable;
+
+/// Turns (day of year, hour of local standard time) into dates and civil times.
+#[derive(Clone, Debug)]
+pub struct Clock {
+    year: i32,
+    meridian_deg: f64,
+    zone: Option<TimeZone>,
+}
+
+impl Clock {
+    /// The clock of a site in a year. Without a time zone it shows the meridian's standard time.
+    pub fn new(site: &SiteTable, year: i32) -> Self {
+        // The name was checked when the project was resolved.
+        let zone = site.timezone.as_deref().and_then(|name| TimeZone::get(name).ok());
+        Self { year, meridian_deg: site.meridian, zone }
+    }
+
+    /// `06-21 08:30 CEST`, or with standard time `06-21 07:30 UTC+1`.
+    pub fn show(&self, day: u32, hour: f64) -> String {
+        let Some(start) = self.start_of_year() else { return format!("day {day}, {hour:.2} h") };
+        let seconds = f64::from(day) * 86_400.0 + hour * 3600.0;
+        let local = start + SignedDuration::from_secs_f64(seconds.round());
+        match &self.zone {
+            Some(zone) => {
+                let offset = SignedDuration::from_secs_f64((self.meridian_deg * 240.0).round());
+                (local - offset).to_zoned(zone.clone()).strftime("%m-%d %H:%M %Z").to_string()
+            }
+            None => {
+                let plain = local.to_zoned(TimeZone::UTC).strftime("%m-%d %H:%M").to_string();
+                format!("{plain} UTC{:+}", self.meridian_deg / 15.0)
+            }
+        }
+    }
+
+    fn start_of_year(&self) -> Option<Timestamp> {
+        let date = Date::new(i16::try_from(self.year).ok()?, 1, 1).ok()?;
+        Some(date.to_zoned(TimeZone::UTC).ok()?.timestamp())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn summer_time_is_an_hour_ahead_of_standard_time() {
+        let mut site = SiteTable {
+            name: "here".into(),
+            latitude: 47.0,
+            longitude: 8.0,
+            meridian: 15.0,
+            timezone: Some("Europe/Zurich".into()),
+            elevation_m: 0.0,
+        };
+        let clock = Clock::new(&site, 2025);
+        assert_eq!(clock.show(171, 7.5), "06-21 08:30 CEST");
+        assert_eq!(clock.show(0, 12.0), "01-01 12:00 CET");
+        site.timezone = None;
+        assert_eq!(Clock::new(&site, 2025).show(171, 7.5), "06-21 07:30 UTC+1");
+    }
+}

@@ -1,0 +1,149 @@
+use std::io;
+use std::path::PathBuf;
+
+use crate::base::{FaultKind, Interrupted};
+use crate::{glare, pages, picture, render, site, sky, trace, volume};
+
+/// Why a run could not go on.
+#[derive(Debug, thiserror::Error)]
+pub enum Error {
+    /// The project file has a mistake.
+    #[error("{}{}: {message}", path.display(), at(*line, *column))]
+    Project {
+        /// The project file.
+        path: PathBuf,
+        /// From 1; 0 where it is about no single line.
+        line: usize,
+        /// From 1.
+        column: usize,
+        /// What was expected, what was found, what to do.
+        message: String,
+    },
+    /// A file can't be read.
+    #[error("can't read {}", path.display())]
+    Read {
+        /// The file.
+        path: PathBuf,
+        /// Why.
+        source: io::Error,
+    },
+    /// A file can't be written.
+    #[error("can't write {}", path.display())]
+    Write {
+        /// The file.
+        path: PathBuf,
+        /// Why.
+        source: io::Error,
+    },
+    /// `run/manifest.json` is damaged.
+    #[error("{} is damaged: {message}; remove it and the run makes everything again", path.display())]
+    Manifest {
+        /// The manifest.
+        path: PathBuf,
+        /// What is wrong with it.
+        message: String,
+    },
+    /// There is something in the way that would be lost.
+    #[error("{} exists and is no glintmap project; name an empty or a new folder", path.display())]
+    InTheWay {
+        /// The folder or file.
+        path: PathBuf,
+    },
+    /// Another process works in the same run folder.
+    #[error("{} is in use by another glintmap; wait for it or stop it", path.display())]
+    Busy {
+        /// The lock file.
+        path: PathBuf,
+    },
+    /// A full disk, foreseen.
+    #[error("this run is expected to need {needed} on disk, {free} are free at {}; free some, lower photons.stored or the views' sizes, or put the project elsewhere", path.display())]
+    Disk {
+        /// The run folder.
+        path: PathBuf,
+        /// Expected bytes, in words.
+        needed: String,
+        /// Free bytes, in words.
+        free: String,
+    },
+    /// Something asked for isn't there yet.
+    #[error("{what}; run `glintmap run {} --until {stage}` first", project.display())]
+    NotMade {
+        /// What is missing.
+        what: String,
+        /// The project's folder.
+        project: PathBuf,
+        /// The stage that makes it.
+        stage: &'static str,
+    },
+    /// Something outside what this version can do.
+    #[error("{0}")]
+    Unsupported(String),
+    /// From the file system, without a path worth telling.
+    #[error(transparent)]
+    Io(#[from] io::Error),
+    /// The user asked to stop.
+    #[error(transparent)]
+    Interrupted(#[from] Interrupted),
+    /// From the room `site`.
+    #[error(transparent)]
+    Site(#[from] site::Error),
+    /// From the room `site`, about a material.
+    #[error("material `{name}`")]
+    Material {
+        /// The material's name.
+        name: String,
+        /// What is wrong.
+        source: site::bsdf::Error,
+    },
+    /// From the room `sky`.
+    #[error(transparent)]
+    Sky(#[from] sky::Error),
+    /// From the room `trace`.
+    #[error(transparent)]
+    Trace(#[from] trace::Error),
+    /// From the room `pages`.
+    #[error(transparent)]
+    Pages(#[from] pages::Error),
+    /// From the room `render`.
+    #[error(transparent)]
+    Render(#[from] render::Error),
+    /// From the room `volume`.
+    #[error(transparent)]
+    Volume(#[from] volume::Error),
+    /// From the room `glare`.
+    #[error(transparent)]
+    Glare(#[from] glare::Error),
+    /// From the room `picture`.
+    #[error(transparent)]
+    Picture(#[from] picture::Error),
+    /// From an `.npy` file.
+    #[error(transparent)]
+    Npy(#[from] glintmap_formats::npy::Error),
+}
+
+impl Error {
+    /// What kind of failure it is.
+    pub fn kind(&self) -> FaultKind {
+        match self {
+            Self::Project { .. } | Self::InTheWay { .. } | Self::NotMade { .. } => FaultKind::Input,
+            Self::Unsupported(_) | Self::Material { .. } => FaultKind::Input,
+            Self::Read { source, .. } if source.kind() == io::ErrorKind::NotFound => FaultKind::Input,
+            Self::Read { .. } | Self::Write { .. } | Self::Io(_) | Self::Npy(_) => FaultKind::Failed,
+            Self::Busy { .. } | Self::Disk { .. } => FaultKind::Failed,
+            Self::Manifest { .. } => FaultKind::Damaged,
+            Self::Interrupted(_) => FaultKind::Interrupted,
+            Self::Site(e) => e.kind(),
+            Self::Sky(e) => e.kind(),
+            Self::Trace(e) => e.kind(),
+            Self::Pages(e) => e.kind(),
+            Self::Render(e) => e.kind(),
+            Self::Volume(e) => e.kind(),
+            Self::Glare(e) => e.kind(),
+            Self::Picture(e) => e.kind(),
+        }
+    }
+}
+
+fn at(line: usize, column: usize) -> String {
+    if line == 0 { String::new() } else { format!(":{line}:{column}") }
+}

@@ -1,0 +1,225 @@
+//! What a run will cost, before an hour is spent.
+
+use std::path::Path;
+
+use serde::Serialize;
+
+use super::error::Error;
+use super::resolve::Resolved;
+use super::runner::{Job, Stage};
+use crate::sky;
+
+/// Rates on two cores at 2.5 GHz, from which times are expected. They are rough: the share of
+/// photons that land decides most, and it is known only after a pilot.
+mod rate {
+    pub const STORED_PER_S: f64 = 150_000.0;
+    pub const SORTED_PER_S: f64 = 2_000_000.0;
+    pub const ANNUAL_NEIGHBOURS_PER_S: f64 = 20e6;
+    pub const SERIES_NEIGHBOURS_PER_S: f64 = 40e6;
+    pub const HIT_PIXELS_PER_S: f64 = 150_000.0;
+    pub const BACKGROUND_PIXELS_PER_S: f64 = 60_000.0;
+    pub const VOXELS_PER_S: f64 = 100e6;
+    pub const PICTURE_PIXELS_PER_S: f64 = 2e6;
+}
+
+/// Bytes of a photon while it waits to be sorted, and in the store.
+mod size {
+    pub const SPILLED: f64 = 48.0;
+    pub const STORED: f64 = 12.0;
+    pub const STORED_BOUND: f64 = 24.0;
+    /// Of a series value that isn't zero, compressed.
+    pub const SERIES: f64 = 3.0;
+    /// Share of a view's pixels and of the timesteps that photons reach, as in the case study.
+    pub const LIT_PIXELS: f64 = 0.6;
+    pub const LIT_TIMESTEPS: f64 = 0.4;
+}
+
+/// One stage of an [`Estimate`].
+#[derive(Clone, Debug, Serialize)]
+pub struct StageEstimate {
+    /// The stage.
+    pub stage: Stage,
+    /// What it works on, in words.
+    pub work: String,
+    /// Photons that it handles.
+    pub photons: u64,
+    /// Bytes that it leaves on disk, expected.
+    pub disk_bytes: u64,
+    /// Bytes that it leaves on disk, at most.
+    pub disk_bound_bytes: u64,
+    /// Anonymous memory at its peak, bytes.
+    pub memory_bytes: u64,
+    /// Time on two cores, s.
+    pub time_s: f64,
+}
+
+/// What a whole run will cost.
+#[derive(Clone, Debug, Serialize)]
+pub struct Estimate {
+    /// Timesteps with the sun above the horizon.
+    pub timesteps: usize,
+    /// Materials and cases.
+    pub candidates: usize,
+    /// Stage by stage.
+    pub stages: Vec<StageEstimate>,
+    /// Free bytes where the run folder lies.
+    pub free_bytes: u64,
+    /// Bytes expected on disk at the fullest moment.
+    pub disk_bytes: u64,
+}
+
+/// Estimates a run; writes nothing.
+///
+/// # Errors
+/// When the timesteps can't be computed or the disk can't be asked.
+pub fn estimate(resolved: &Resolved, memory_bytes: u64) -> Result<Estimate, Error> {
+    let timeline = sky::timeline(&resolved.place, &resolved.times)?;
+    let steps = timeline.steps.len() as f64;
+    let candidates = resolved.candidates.len() as f64;
+    let stored = resolved.trace.stored as f64;
+    let pixels: f64 =
+        resolved.views.iter().map(|v| (v.view.columns() * v.view.rows()) as f64).sum();
+    let thresholds = resolved.glare_thresholds() as f64;
+    let largest = resolved
+        .views
+        .iter()
+        .map(|v| (v.view.columns() * v.view.rows()) as f64)
+        .fold(0.0, f64::max);
+    let all = stored * candidates;
+    let mut neighbours = (0.0, 0.0);
+    let mut series = 0.0;
+    for v in &resolved.views {
+        let p = (v.view.columns() * v.view.rows()) as f64;
+        let k = v.series_bandwidth.unwrap_or_else(|| (3 * timeline.steps.len()).max(4000)) as f64;
+        neighbours.0 += p * size::LIT_PIXELS * v.annual.bandwidth as f64;
+        neighbours.1 += p * size::LIT_PIXELS * k;
+        series += p * size::LIT_PIXELS * (steps * size::LIT_TIMESTEPS).min(k) * size::SERIES;
+    }
+    let budget = memory_bytes as f64;
+    let maps = pixels * candidates * (12.0 + 24.0 * thresholds) + pixels * 40.0;
+    let photons = |n: f64| format!("{} photons for each of {candidates} materials", n as u64);
+    let stage = |stage, work: String, photons: f64, disk: (f64, f64), memory: f64, time_s: f64| {
+        StageEstimate {
+            stage,
+            work,
+            photons: photons as u64,
+            disk_bytes: disk.0 as u64,
+            disk_bound_bytes: disk.1 as u64,
+            memory_bytes: memory.min(budget) as u64,
+            time_s,
+        }
+    };
+    let stages = vec![
+        stage(
+            Stage::Suns,
+            format!("{steps} timesteps"),
+            0.0,
+            (steps * 110.0, steps * 130.0),
+            steps * 100.0,
+            steps * 2e-6,
+        ),
+        stage(
+            Stage::Trace,
+            photons(stored),
+            all,
+            (stored * size::SPILLED, stored * size::SPILLED * 1.02),
+            200e6 + (stored * size::SPILLED).min(budget / 4.0),
+            all / rate::STORED_PER_S,
+        ),
+        stage(
+            Stage::Pages,
+            photons(stored),
+            all,
+            (all * size::STORED, all * size::STORED_BOUND),
+            (stored * 2.0 * size::SPILLED).min(budget / 2.0),
+            all / rate::SORTED_PER_S,
+        ),
+        stage(
+            Stage::Render,
+            format!("{pixels} pixels, {} timesteps, {candidates} materials", steps),
+            all,
+            (series * candidates + maps, pixels * steps * 4.0 * candidates + maps),
+            300e6 + largest * 120.0,
+            pixels / rate::HIT_PIXELS_PER_S
+                + pixels / rate::BACKGROUND_PIXELS_PER_S
+                + candidates
+                    * (neighbours.0 / rate::ANNUAL_NEIGHBOURS_PER_S
+                        + neighbours.1 / rate::SERIES_NEIGHBOURS_PER_S),
+        ),
+        stage(
+            Stage::Glare,
+            format!("{} voxels at {thresholds} thresholds", (pixels * steps * candidates) as u64),
+            0.0,
+            (pixels * candidates * thresholds * 16.0, pixels * candidates * thresholds * 40.0),
+            largest * 4.0 * 40.0,
+            pixels * steps * candidates * thresholds / rate::VOXELS_PER_S,
+        ),
+        stage(
+            Stage::Pictures,
+            format!("{} pictures", (candidates * resolved.views.len() as f64 * (3.0 + 3.0 * thresholds)) as u64),
+            0.0,
+            (pixels * candidates * 3.0, pixels * candidates * 12.0),
+            largest * 80.0,
+            pixels * candidates * (3.0 + 3.0 * thresholds) / rate::PICTURE_PIXELS_PER_S,
+        ),
+        stage(Stage::Report, "one document".into(), 0.0, (1e5, 1e6), 10e6, 0.1),
+    ];
+    let disk_bytes = stages.iter().map(|s| s.disk_bytes).sum();
+    Ok(Estimate {
+        timesteps: timeline.steps.len(),
+        candidates: resolved.candidates.len(),
+        stages,
+        free_bytes: free_bytes(&resolved.folder)?,
+        disk_bytes,
+    })
+}
+
+/// Free bytes for us on the disk where `path`, or the nearest folder above it, lies.
+fn free_bytes(path: &Path) -> Result<u64, Error> {
+    let mut at = std::path::absolute(path)?;
+    while !at.exists() && at.pop() {}
+    let stat = rustix::fs::statvfs(&at).map_err(std::io::Error::from)?;
+    Ok(stat.f_bavail.saturating_mul(stat.f_frsize))
+}
+
+/// Refuses a run that is expected to fill the disk. What is already there counts as done.
+///
+/// # Errors
+/// [`Error::Disk`].
+pub(super) fn refuse_full_disk(job: &Job<'_>) -> Result<(), Error> {
+    let expected = estimate(job.resolved, job.options.memory_bytes)?;
+    let there = used_bytes(job.folder.root())?;
+    if expected.disk_bytes.saturating_sub(there) > expected.free_bytes {
+        return Err(Error::Disk {
+            path: job.folder.root().to_owned(),
+            needed: bytes_in_words(expected.disk_bytes),
+            free: bytes_in_words(expected.free_bytes),
+        });
+    }
+    Ok(())
+}
+
+/// Bytes of all files below a folder; 0 if there is none.
+fn used_bytes(path: &Path) -> Result<u64, Error> {
+    if !path.is_dir() {
+        return Ok(0);
+    }
+    let mut sum = 0;
+    for entry in std::fs::read_dir(path)? {
+        let entry = entry?;
+        let meta = entry.metadata()?;
+        sum += if meta.is_dir() { used_bytes(&entry.path())? } else { meta.len() };
+    }
+    Ok(sum)
+}
+
+/// `1.5 GB`
+pub fn bytes_in_words(bytes: u64) -> String {
+    let value = bytes as f64;
+    for (unit, size) in [("TB", 1e12), ("GB", 1e9), ("MB", 1e6), ("kB", 1e3)] {
+        if value >= size {
+            return format!("{:.1} {unit}", value / size);
+        }
+    }
+    format!("{bytes} B")
+}

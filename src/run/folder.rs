@@ -1,0 +1,108 @@
+//! Where everything of a run lies: handbook names, in one place.
+
+use std::fs::{self, File, TryLockError};
+use std::path::{Path, PathBuf};
+
+use super::error::Error;
+
+/// The names below a project's `run/`. All but [`Folder::root`] are relative to it.
+#[derive(Clone, Debug)]
+pub struct Folder {
+    root: PathBuf,
+}
+
+impl Folder {
+    /// The run folder of a project.
+    pub fn new(root: PathBuf) -> Self {
+        Self { root }
+    }
+
+    /// `run/` itself.
+    pub fn root(&self) -> &Path {
+        &self.root
+    }
+
+    /// The whole path of a name below `run/`.
+    pub fn at(&self, name: &Path) -> PathBuf {
+        self.root.join(name)
+    }
+
+    /// The timesteps.
+    pub fn suns(&self) -> PathBuf {
+        "suns.csv".into()
+    }
+
+    /// Per pixel: what the view sees.
+    pub fn hits(&self, view: &str) -> PathBuf {
+        Path::new(view).join("hits.gmh")
+    }
+
+    /// The direct background.
+    pub fn direct(&self, view: &str) -> PathBuf {
+        Path::new(view).join("direct.exr")
+    }
+
+    /// A view's own pictures.
+    pub fn view_file(&self, view: &str, name: &str) -> PathBuf {
+        Path::new(view).join(name)
+    }
+
+    /// Where photons wait to be sorted.
+    pub fn spill(&self, candidate: &str) -> PathBuf {
+        Path::new(candidate).join("spill")
+    }
+
+    /// Where the photons went: counts and flux.
+    pub fn tally(&self, candidate: &str) -> PathBuf {
+        Path::new(candidate).join("tally.json")
+    }
+
+    /// The photon store.
+    pub fn store(&self, candidate: &str) -> PathBuf {
+        Path::new(candidate).join("photons.gmp")
+    }
+
+    /// A file of a candidate's view.
+    pub fn map(&self, candidate: &str, view: &str, name: &str) -> PathBuf {
+        Path::new(candidate).join(view).join(name)
+    }
+
+    /// The time series.
+    pub fn series(&self, candidate: &str, view: &str) -> PathBuf {
+        self.map(candidate, view, "series.zarr")
+    }
+
+    /// A file of a glare analysis.
+    pub fn glare(&self, candidate: &str, view: &str, threshold: f64, name: &str) -> PathBuf {
+        self.map(candidate, view, &format!("glare-{threshold}")).join(name)
+    }
+
+    /// Makes the folder that `name` lies in.
+    ///
+    /// # Errors
+    /// Whatever the file system says.
+    pub fn prepare(&self, name: &Path) -> Result<PathBuf, Error> {
+        let path = self.at(name);
+        if let Some(parent) = path.parent() {
+            fs::create_dir_all(parent)
+                .map_err(|source| Error::Write { path: parent.to_owned(), source })?;
+        }
+        Ok(path)
+    }
+
+    /// Locks the run folder against another run of ours; the lock ends with the value.
+    ///
+    /// # Errors
+    /// [`Error::Busy`] when another process holds it.
+    pub fn lock(&self) -> Result<File, Error> {
+        let path = self.prepare(Path::new("log/lock"))?;
+        let file =
+            File::create(&path).map_err(|source| Error::Write { path: path.clone(), source })?;
+        match file.try_lock() {
+            Ok(()) => Ok(file),
+            Err(TryLockError::WouldBlock) => Err(Error::Busy { path }),
+            // A file system without locks (some network mounts): go on, as without this check.
+            Err(TryLockError::Error(_)) => Ok(file),
+        }
+    }
+}

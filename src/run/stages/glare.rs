@@ -1,0 +1,91 @@
+use std::time::Instant;
+
+use serde_json::json;
+
+use super::render::attributes;
+use crate::base::Grid;
+use crate::glare::{self, Analysis};
+use crate::picture::exr;
+use crate::run::Error;
+use crate::run::resolve::{Candidate, PlannedView};
+use crate::run::runner::{Job, Stage};
+use crate::volume::Volume;
+
+/// Analyses each candidate's series in each view, at each threshold.
+pub(in crate::run) fn glare(job: &mut Job<'_>) -> Result<(), Error> {
+    let resolved = job.resolved;
+    for candidate in &resolved.candidates {
+        for view in &resolved.views {
+            let render_key = resolved.render_key(candidate, view)?;
+            for &threshold in &resolved.project.glare.thresholds_w_m2 {
+                let key = resolved.glare_key(&render_key, threshold)?;
+                let unit = format!("glare {} {} {threshold}", candidate.name, view.name);
+                if job.needs(Stage::Glare, &unit, &key) {
+                    one(job, candidate, view, threshold, &unit, &key)?;
+                }
+            }
+        }
+    }
+    Ok(())
+}
+
+fn one(
+    job: &mut Job<'_>,
+    candidate: &Candidate,
+    view: &PlannedView,
+    threshold: f64,
+    unit: &str,
+    key: &str,
+) -> Result<(), Error> {
+    let began = Instant::now();
+    let volume = Volume::open(&job.folder.at(&job.folder.series(&candidate.name, &view.name)))?;
+    let settings = glare::Settings { threshold, ..job.resolved.glare.clone() };
+    let steps = volume.shape()[0] as u64;
+    let analysis =
+        glare::analyse(&volume, &volume.segments(), &settings, None, job.progress)?;
+    job.progress.finish();
+    let name =
+        |file: &str| job.folder.glare(&candidate.name, &view.name, threshold, file);
+    let step_h = job.timeline()?.step_h;
+    let about = [
+        ("material", candidate.name.as_str()),
+        ("view", view.name.as_str()),
+        ("threshold_w_m2", &threshold.to_string()),
+        ("quantity", job.resolved.project.glare.quantity.as_str()),
+    ];
+    let attributes = attributes(job, key, &about);
+    let mut outputs = Vec::new();
+    for (map, counts, hours) in hours(&analysis, step_h) {
+        let npy = job.folder.prepare(&name(&format!("{map}.npy")))?;
+        glintmap_formats::npy::write(&npy, &[counts.rows(), counts.columns()], counts.data())
+            ?;
+        let exr_name = name(&format!("{map}.exr"));
+        let channel = format!("{map}.h");
+        exr::write(&job.folder.at(&exr_name), &[(channel.as_str(), &hours)], &attributes)?;
+        outputs.extend([name(&format!("{map}.npy")), exr_name]);
+    }
+    let events_name = name("events.csv");
+    let events_path = job.folder.at(&events_name);
+    glintmap_formats::seal::write(&events_path, |out| {
+        glare::write_events_csv(out, &analysis.events, volume.axis())
+    })
+    .map_err(|source: std::io::Error| Error::Write { path: events_path.clone(), source })?;
+    outputs.push(events_name);
+    let facts = json!({ "events": analysis.events.len(), "timesteps": steps });
+    job.done(unit, key, &outputs, began, facts)
+}
+
+/// Each duration map with its timesteps turned into hours. Cumulative hours carry the weight of
+/// each timestep; sustained and longest run are clock time of one day, so the time step alone.
+fn hours(analysis: &Analysis, step_h: f64) -> [(&'static str, &Grid<i32>, Grid<f32>); 3] {
+    let clock = |counts: &Grid<i32>| counts.map(|n| (f64::from(*n) * step_h) as f32);
+    let cumulative = match &analysis.cumulative_h {
+        Some(hours) => hours.clone(),
+        None => clock(&analysis.cumulative),
+    };
+    [
+        ("cumulative", &analysis.cumulative, cumulative),
+        ("sustained", &analysis.sustained, clock(&analysis.sustained)),
+        ("longest_run", &analysis.longest_run, clock(&analysis.longest_run)),
+    ]
+}

@@ -1,0 +1,16 @@
+//! One file a stage. Each asks the manifest what is current, calls the rooms, and records what
+//! they left behind.
+
+mod glare;
+mod photons;
+mod pictures;
+mod render;
+mod report;
+mod suns;
+
+pub(super) use glare::glare;
+pub(super) use photons::{pages, trace};
+pub(super) use pictures::pictures;
+pub(super) use render::render;
+pub(super) use report::report;
+pub(super) use suns::suns;

@@ -1,0 +1,287 @@
+//! What people look at: each map in colours over the daylight background, one scale per quantity
+//! over all materials and views; and the ratio maps.
+
+mod marks;
+
+use std::path::PathBuf;
+use std::time::Instant;
+
+use serde_json::json;
+
+use self::marks::Marks;
+use super::render::attributes;
+use crate::base::{Grid, SpectralBasis};
+use crate::picture::{Figure, Rgb, Scale, compose, exr, scale, tonemap};
+use crate::run::Error;
+use crate::run::manifest::key_of;
+use crate::run::resolve::{Candidate, PlannedView, Resolved};
+use crate::run::runner::{Job, Stage};
+
+/// Decades of the logarithmic scale of annual maps.
+const DECADES: f64 = 3.0;
+/// Share of the lit pixels that a scale covers: single hot pixels don't decide.
+const COVERED: f64 = 0.999;
+/// Ratios beyond this are drawn as this.
+const LARGEST_RATIO: f64 = 10.0;
+
+/// A quantity that has one scale over all materials and views.
+struct Quantity {
+    file: String,
+    channel: String,
+    title: String,
+    legend: String,
+    bare: String,
+    caption: String,
+    scale: Scale,
+}
+
+/// Draws everything.
+pub(in crate::run) fn pictures(job: &mut Job<'_>) -> Result<(), Error> {
+    let key = key(job.resolved)?;
+    if !job.needs(Stage::Pictures, "pictures", &key) {
+        return Ok(());
+    }
+    let began = Instant::now();
+    let resolved = job.resolved;
+    let mut outputs = Vec::new();
+    ratios(job, &key, &mut outputs)?;
+    let quantities = quantities(job)?;
+    let total = resolved.views.len() * resolved.candidates.len() * quantities.len();
+    job.progress.begin("pictures", total as u64, "pictures");
+    for view in &resolved.views {
+        let direct = read_rgb(job, view)?;
+        let marks = Marks::of(job, view)?;
+        outputs.push(daylight(job, view, &direct, &marks)?);
+        for candidate in &resolved.candidates {
+            for quantity in &quantities {
+                job.progress.check()?;
+                let exr_name =
+                    job.folder.map(&candidate.name, &view.name, &format!("{}.exr", quantity.file));
+                if job.folder.at(&exr_name).exists() {
+                    let png = draw(job, candidate, view, quantity, &direct, &marks)?;
+                    outputs.push(png);
+                }
+                job.progress.advance(1);
+            }
+        }
+    }
+    job.progress.finish();
+    let made = outputs.len();
+    job.done("pictures", &key, &outputs, began, json!({ "files": made }))
+}
+
+/// Everything that is drawn decides about the pictures, because they share their scales.
+fn key(resolved: &Resolved) -> Result<String, Error> {
+    let mut parts = Vec::new();
+    for candidate in &resolved.candidates {
+        for view in &resolved.views {
+            let render = resolved.render_key(candidate, view)?;
+            for &threshold in &resolved.project.glare.thresholds_w_m2 {
+                parts.push(resolved.glare_key(&render, threshold)?);
+            }
+            parts.push(render);
+        }
+    }
+    let p = &resolved.project;
+    key_of("pictures", &(parts, &p.site, &p.observer, &p.reference))
+}
+
+/// Writes each candidate's annual map divided by the reference's.
+fn ratios(job: &Job<'_>, key: &str, outputs: &mut Vec<PathBuf>) -> Result<(), Error> {
+    let resolved = job.resolved;
+    let Some(reference) = resolved.reference else { return Ok(()) };
+    for view in &resolved.views {
+        let old = annual(job, &resolved.candidates[reference], view)?;
+        for (i, candidate) in resolved.candidates.iter().enumerate() {
+            if i == reference {
+                continue;
+            }
+            let ratio = compose::ratio(&annual(job, candidate, view)?, &old)?;
+            let name = job.folder.map(&candidate.name, &view.name, "ratio.exr");
+            let about = [
+                ("material", candidate.name.as_str()),
+                ("reference", resolved.candidates[reference].name.as_str()),
+                ("view", view.name.as_str()),
+            ];
+            let path = job.folder.at(&name);
+            exr::write(&path, &[("ratio", &ratio)], &attributes(job, key, &about))?;
+            outputs.push(name);
+        }
+    }
+    Ok(())
+}
+
+fn annual(job: &Job<'_>, c: &Candidate, view: &PlannedView) -> Result<Grid<f32>, Error> {
+    read(job, &job.folder.map(&c.name, &view.name, "annual.exr"), "annual.wh_m2")
+}
+
+/// One channel of an EXR of this run.
+pub(super) fn read(
+    job: &Job<'_>,
+    name: &std::path::Path,
+    channel: &str,
+) -> Result<Grid<f32>, Error> {
+    let path = job.folder.at(name);
+    Ok(exr::read(&path)?.values(Some(channel), &path)?.1)
+}
+
+fn read_rgb(job: &Job<'_>, view: &PlannedView) -> Result<Rgb, Error> {
+    let path = job.folder.at(&job.folder.direct(&view.name));
+    let channels = exr::read(&path)?;
+    channels.rgb().ok_or_else(|| {
+        // It was written by this run's render stage; only somebody else can have changed it.
+        Error::Manifest { path, message: "expected the channels R, G and B".into() }
+    })
+}
+
+/// Every map of a kind, over all materials and views.
+fn all(job: &Job<'_>, file: &str, channel: &str) -> Result<Vec<Grid<f32>>, Error> {
+    let mut grids = Vec::new();
+    for candidate in &job.resolved.candidates {
+        for view in &job.resolved.views {
+            let name = job.folder.map(&candidate.name, &view.name, &format!("{file}.exr"));
+            if job.folder.at(&name).exists() {
+                grids.push(read(job, &name, channel)?);
+            }
+        }
+    }
+    Ok(grids)
+}
+
+fn quantities(job: &Job<'_>) -> Result<Vec<Quantity>, Error> {
+    let resolved = job.resolved;
+    let watts = match job.timeline()?.basis {
+        SpectralBasis::Visible => "visible W/m²",
+        SpectralBasis::Broadband => "W/m²",
+    };
+    let hours_unit = watts.replace("W/", "Wh/");
+    let peak_channel = super::render::peak_channel(resolved.quantity);
+    let what = super::render::quantity_words(resolved.quantity);
+    let mut out = Vec::new();
+    let top = |grids: &[Grid<f32>], share: f64| {
+        scale::nice_ceiling(scale::percentile(grids, share).max(1e-6))
+    };
+    let annual = all(job, "annual", "annual.wh_m2")?;
+    out.push(Quantity {
+        file: "annual".into(),
+        channel: "annual.wh_m2".into(),
+        title: "Energy from the PV in a year".into(),
+        legend: "annual radiant exposure".into(),
+        bare: "no colour: no light from the PV".into(),
+        caption: "Sunlight that the PV throws onto each surface, summed over the year; the sun's own light is not in it.".into(),
+        scale: Scale::logarithmic(top(&annual, COVERED), DECADES, &hours_unit),
+    });
+    let peak = all(job, "peak", peak_channel)?;
+    out.push(Quantity {
+        file: "peak".into(),
+        channel: peak_channel.into(),
+        title: "Strongest irradiance from the PV".into(),
+        legend: format!("largest irradiance {what}"),
+        bare: "no colour: no light from the PV".into(),
+        caption: "The largest value of any timestep, unfiltered; noise makes single pixels too bright.".into(),
+        scale: Scale::logarithmic(top(&peak, COVERED), DECADES, watts),
+    });
+    if let Some(reference) = resolved.reference {
+        let name = &resolved.candidates[reference].name;
+        let ratio = all(job, "ratio", "ratio")?;
+        out.push(Quantity {
+            file: "ratio".into(),
+            channel: "ratio".into(),
+            title: format!("Energy in a year compared with {name}"),
+            legend: format!("ratio to {name}"),
+            bare: format!("no colour: {name} sends nothing here"),
+            caption: format!("Above 1 this material sends more light to a place than {name} does, below 1 less."),
+            scale: Scale::ratio(top(&ratio, 0.99).min(LARGEST_RATIO)),
+        });
+    }
+    for (file, title, meaning) in [
+        ("cumulative", "Hours of glare in a year", "Sum of all times of the year above the threshold."),
+        ("sustained", "Longest glare event", "The longest time that one event, connected in space and time, covers a place on any day."),
+        ("longest_run", "Longest glare without a break", "The longest uninterrupted time above the threshold on any day."),
+    ] {
+        let mut grids = Vec::new();
+        let paths = |t: f64| format!("glare-{t}/{file}");
+        for &t in &resolved.project.glare.thresholds_w_m2 {
+            grids.extend(all(job, &paths(t), &format!("{file}.h"))?);
+        }
+        let max = scale::percentile(&grids, 1.0);
+        let max = if max > 0.0 { scale::nice_ceiling(max) } else { 1.0 };
+        for &t in &resolved.project.glare.thresholds_w_m2 {
+            out.push(Quantity {
+                file: paths(t),
+                channel: format!("{file}.h"),
+                title: format!("{title} above {t} {watts}"),
+                legend: format!("time above {t} {watts}"),
+                bare: "no colour: never above the threshold".into(),
+                caption: format!("{meaning} Irradiance {what}, smoothed in space and time as in the published method."),
+                scale: Scale::linear(max, "h"),
+            });
+        }
+    }
+    Ok(out)
+}
+
+fn subtitle(job: &Job<'_>, view: &PlannedView) -> Result<String, Error> {
+    let p = &job.resolved.project;
+    let timeline = job.timeline()?;
+    let year = if p.time.half_year { "half a year, doubled".into() } else { p.time.year.to_string() };
+    Ok(format!(
+        "{} · {} · {} suns ({year}) · up to {} m from the PV",
+        p.site.name,
+        view.name,
+        timeline.steps.len(),
+        p.photons.max_path_m
+    ))
+}
+
+fn draw(
+    job: &Job<'_>,
+    candidate: &Candidate,
+    view: &PlannedView,
+    quantity: &Quantity,
+    direct: &Rgb,
+    marks: &Marks,
+) -> Result<PathBuf, Error> {
+    let name = |extension: &str| {
+        let file = format!("{}.{extension}", quantity.file);
+        job.folder.map(&candidate.name, &view.name, &file)
+    };
+    let data = read(job, &name("exr"), &quantity.channel)?;
+    let mut figure = Figure::new(&data, quantity.scale.clone());
+    figure.title = format!("{}: {}", candidate.name, quantity.title);
+    figure.subtitle = subtitle(job, view)?;
+    figure.background = Some(direct);
+    figure.legend = quantity.legend.clone();
+    figure.bare = quantity.bare.clone();
+    figure.caption = vec![quantity.caption.clone()];
+    if data.data().iter().all(|v| *v == 0.0) {
+        figure.caption.insert(0, "Nothing in this view reaches the scale: the map is empty.".into());
+    }
+    if job.resolved.is_draft() {
+        figure.watermark = Some("draft, not for assessment".into());
+    }
+    marks.put_on(&mut figure);
+    let path = name("png");
+    figure.write_png(&job.folder.at(&path), &texts(job))?;
+    Ok(path)
+}
+
+/// The background alone, as a picture that people like to look at.
+fn daylight(
+    job: &Job<'_>,
+    view: &PlannedView,
+    direct: &Rgb,
+    _marks: &Marks,
+) -> Result<PathBuf, Error> {
+    let name = job.folder.view_file(&view.name, "direct.png");
+    let pixels = tonemap::tonemap(direct, tonemap::Exposure::Auto, false);
+    crate::picture::png::write(&job.folder.at(&name), &pixels, &texts(job))?;
+    Ok(name)
+}
+
+fn texts(job: &Job<'_>) -> Vec<(String, String)> {
+    vec![
+        ("Software".to_owned(), crate::base::Provenance::PROGRAM.to_owned()),
+        ("Title".to_owned(), job.resolved.project.site.name.clone()),
+    ]
+}

@@ -7,6 +7,7 @@ mod exit;
 mod glare;
 mod inspect;
 mod picture;
+mod size;
 mod suns;
 mod verify;
 mod volume;

@@ -1,7 +1,6 @@
 //! One file a command: each parses its arguments, wires rooms together and prints. No logic.
 
 mod bar;
-mod bytes;
 mod check;
 mod context;
 mod convert;
@@ -14,6 +13,7 @@ mod picture;
 mod plan;
 mod probe;
 mod run;
+mod size;
 mod suns;
 mod verify;
 mod volume;

@@ -1,7 +1,7 @@
 use std::fmt::Write as _;
 use std::path::PathBuf;
 
-use super::{Context, bytes::parse_bytes};
+use super::{Context, size};
 use crate::run::{Assignment, Estimate, Resolved, bytes_in_words, estimate};
 
 /// Say what a run will cost, stage by stage, before an hour is spent; nothing is written
@@ -14,7 +14,7 @@ pub(super) struct Arguments {
     #[arg(long, value_name = "KEY=VALUE")]
     set: Vec<Assignment>,
     /// Bound of anonymous memory
-    #[arg(long, value_name = "SIZE", default_value = "1GiB", value_parser = parse_bytes)]
+    #[arg(long, value_name = "SIZE", default_value = "1GiB", value_parser = size::parse)]
     memory: u64,
 }
 

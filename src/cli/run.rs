@@ -3,7 +3,7 @@ use std::path::PathBuf;
 
 use clap::builder::{PossibleValuesParser, TypedValueParser};
 
-use super::{Context, bytes::parse_bytes};
+use super::{Context, size};
 use crate::run::{self, Assignment, Options, Resolved, Stage, Summary};
 
 /// Run what is missing or out of date, resume what was interrupted
@@ -29,10 +29,10 @@ pub(super) struct How {
     #[arg(long, value_name = "KEY=VALUE")]
     set: Vec<Assignment>,
     /// Bound of anonymous memory
-    #[arg(long, value_name = "SIZE", default_value = "1GiB", value_parser = parse_bytes)]
+    #[arg(long, value_name = "SIZE", default_value = "1GiB", value_parser = size::parse)]
     memory: u64,
     /// Of the photon store's page cache
-    #[arg(long, value_name = "SIZE", default_value = "256MiB", value_parser = parse_bytes)]
+    #[arg(long, value_name = "SIZE", default_value = "256MiB", value_parser = size::parse)]
     page_cache: u64,
 }
 

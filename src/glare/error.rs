@@ -63,14 +63,6 @@ pub enum Error {
         /// Timesteps of the volume.
         timesteps: usize,
     },
-    /// A file of segment numbers doesn't fit the volume.
-    #[error("{found} segment numbers for {timesteps} timesteps: one for each timestep is needed")]
-    SegmentNumbers {
-        /// How many there are.
-        found: usize,
-        /// How many are needed.
-        timesteps: usize,
-    },
     /// A calendar that doesn't fit the volume.
     #[error("the volume's calendar has {found} entries for {timesteps} timesteps")]
     Calendar {

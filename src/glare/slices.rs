@@ -2,6 +2,7 @@ use std::error::Error as StdError;
 use std::ops::Range;
 
 use crate::base::FaultKind;
+use crate::volume::{self, Volume};
 
 /// Why a volume's slices could not be read.
 #[derive(Debug, thiserror::Error)]
@@ -43,5 +44,30 @@ pub trait Slices: Sync {
     /// Days and weights of the timesteps, where the volume knows them.
     fn calendar(&self) -> Option<Calendar> {
         None
+    }
+}
+
+impl From<volume::Error> for ReadFailure {
+    fn from(source: volume::Error) -> Self {
+        Self { kind: source.kind(), source: Box::new(source) }
+    }
+}
+
+impl Slices for Volume {
+    fn shape(&self) -> [usize; 3] {
+        Volume::shape(self)
+    }
+
+    fn read(&self, range: Range<usize>, out: &mut [f32]) -> Result<(), ReadFailure> {
+        Ok(Volume::read(self, range, out)?)
+    }
+
+    fn chunk_timesteps(&self) -> usize {
+        Volume::chunk_timesteps(self)
+    }
+
+    fn calendar(&self) -> Option<Calendar> {
+        let axis = self.axis()?;
+        Some(Calendar { day: axis.day.clone(), weight_h: axis.weight_h.clone() })
     }
 }

@@ -267,21 +267,3 @@ fn check_segments(segments: &[Range<usize>], timesteps: usize) -> Result<(), Err
     let index = segments.len();
     Err(Error::Segments { index, start: expected, end: expected, expected, timesteps })
 }
-
-/// The segments that a list of segment numbers stands for: one begins wherever the number
-/// changes.
-///
-/// # Errors
-/// If there isn't one number for each timestep.
-pub fn segments_of_numbers(numbers: &[i64], timesteps: usize) -> Result<Vec<Range<usize>>, Error> {
-    if numbers.len() != timesteps {
-        return Err(Error::SegmentNumbers { found: numbers.len(), timesteps });
-    }
-    let mut start = 0;
-    let run = |part: &[i64]| {
-        let range = start..start + part.len();
-        start = range.end;
-        range
-    };
-    Ok(numbers.chunk_by(|a, b| a == b).map(run).collect())
-}

@@ -67,7 +67,7 @@ fn one(
     let events_name = name("events.csv");
     let events_path = job.folder.at(&events_name);
     glintmap_formats::seal::write(&events_path, |out| {
-        glare::write_events_csv(out, &analysis.events, volume.axis())
+        glare::write_events(out, &analysis.events, volume.axis())
     })
     .map_err(|source: std::io::Error| Error::Write { path: events_path.clone(), source })?;
     outputs.push(events_name);

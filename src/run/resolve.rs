@@ -644,9 +644,6 @@ impl Reader<'_> {
                 g.sigma, g.truncate
             )));
         }
-        for rule in &g.rules {
-            glare::rules::load(rule).map_err(|e| self.wrong(format!("glare.rules: {e}")))?;
-        }
         Ok(glare::Settings {
             threshold: 0.0,
             sigma: g.sigma,

@@ -116,7 +116,7 @@ fn annual(job: &Job<'_>, c: &Candidate, view: &PlannedView) -> Result<Grid<f32>,
 }
 
 /// One channel of an EXR of this run.
-pub(super) fn read(
+pub(in crate::run) fn read(
     job: &Job<'_>,
     name: &std::path::Path,
     channel: &str,

@@ -1,0 +1,261 @@
+//! The document: numbers per material and view, the longest events, and the pictures.
+
+use std::time::Instant;
+
+use glintmap_formats::seal;
+use serde_json::json;
+
+use super::photons::Traced;
+use super::pictures::read;
+use crate::base::{Grid, Provenance};
+use crate::report::{Document, Figure, Section, Table, html};
+use crate::run::Error;
+use crate::run::clock::Clock;
+use crate::run::manifest::key_of;
+use crate::run::resolve::{Candidate, PlannedView};
+use crate::run::runner::{Job, Stage};
+
+/// Events that the report lists for a material, view and threshold.
+const EVENTS: usize = 5;
+
+/// Writes `report.html`.
+pub(in crate::run) fn report(job: &mut Job<'_>) -> Result<(), Error> {
+    let pictures = job.manifest.units.get("pictures").map(|u| u.key.clone());
+    let key = key_of("report", &(pictures, &job.resolved.project.glare.rules))?;
+    if !job.needs(Stage::Report, "report", &key) {
+        return Ok(());
+    }
+    let began = Instant::now();
+    let document = document(job, &key)?;
+    let name = std::path::PathBuf::from("report.html");
+    let path = job.folder.at(&name);
+    seal::write_bytes(&path, html(&document).as_bytes())
+        .map_err(|source| Error::Write { path, source })?;
+    job.done("report", &key, &[name], began, json!({}))
+}
+
+fn document(job: &Job<'_>, key: &str) -> Result<Document, Error> {
+    let resolved = job.resolved;
+    let p = &resolved.project;
+    let timeline = job.timeline()?;
+    let mut document = Document {
+        title: format!("Glare from photovoltaics: {}", p.site.name),
+        subtitle: format!(
+            "{:.4}° N, {:.4}° E · {} · {} suns{} · irradiance {}",
+            p.site.latitude,
+            p.site.longitude,
+            p.time.year,
+            timeline.steps.len(),
+            if p.time.half_year { " of half a year, doubled" } else { "" },
+            p.time.irradiance.as_str().unwrap_or("as in the project file"),
+        ),
+        draft: resolved.is_draft(),
+        sections: Vec::new(),
+        provenance: format!("{} · settings {key} · seed {}", Provenance::PROGRAM, p.photons.seed),
+    };
+    document.sections.push(photons(job)?);
+    for view in &resolved.views {
+        document.sections.push(numbers(job, view)?);
+    }
+    for candidate in &resolved.candidates {
+        document.sections.push(pictures_of(job, candidate)?);
+    }
+    document.sections.push(limits_of_it());
+    Ok(document)
+}
+
+fn photons(job: &Job<'_>) -> Result<Section, Error> {
+    let mut table = Table {
+        head: ["material", "photons sent", "stored", "flux landed", "absorbed", "blocked"]
+            .map(str::to_owned)
+            .to_vec(),
+        rows: Vec::new(),
+    };
+    for candidate in &job.resolved.candidates {
+        let path = job.folder.at(&job.folder.tally(&candidate.name));
+        let text = std::fs::read(&path)
+            .map_err(|source| Error::Read { path: path.clone(), source })?;
+        let traced: Traced = serde_json::from_slice(&text)
+            .map_err(|e| Error::Manifest { path, message: e.to_string() })?;
+        let t = traced.tally;
+        let share =
+            |part: f64| format!("{:.2} %", 100.0 * part / t.sent.flux_w.max(f64::MIN_POSITIVE));
+        table.rows.push(vec![
+            candidate.name.clone(),
+            t.sent.photons.to_string(),
+            t.stored.photons.to_string(),
+            share(t.stored.flux_w),
+            share(t.absorbed.flux_w),
+            share(t.blocked.flux_w),
+        ]);
+    }
+    Ok(Section {
+        heading: "What the PV does with the sun".into(),
+        text: vec![format!(
+            "Shares of the sunlight that falls onto the planes of the PV over all computed suns. “Landed” is what reaches a surface within {} m of the PV.",
+            job.resolved.trace.max_path_m
+        )],
+        tables: vec![table],
+        figures: Vec::new(),
+    })
+}
+
+fn largest(grid: &Grid<f32>) -> f32 {
+    grid.data().iter().copied().fold(0.0, f32::max)
+}
+
+fn numbers(job: &Job<'_>, view: &PlannedView) -> Result<Section, Error> {
+    let resolved = job.resolved;
+    let mut table = Table::default();
+    table.head = vec!["material".into(), "annual, largest (Wh/m²)".into(), "peak (W/m²)".into()];
+    for t in &resolved.project.glare.thresholds_w_m2 {
+        table.head.push(format!("above {t} W/m²: most hours a year"));
+        table.head.push("longest event (h)".into());
+        table.head.push("longest without a break (h)".into());
+        table.head.push("events".into());
+    }
+    let mut events = Vec::new();
+    for candidate in &resolved.candidates {
+        let map = |file: &str, channel: &str| {
+            read(job, &job.folder.map(&candidate.name, &view.name, file), channel)
+        };
+        let mut row = vec![candidate.name.clone()];
+        row.push(format!("{:.0}", largest(&map("annual.exr", "annual.wh_m2")?)));
+        let peak = map("peak.exr", super::render::peak_channel(resolved.quantity))?;
+        row.push(format!("{:.1}", largest(&peak)));
+        for &t in &resolved.project.glare.thresholds_w_m2 {
+            for name in ["cumulative", "sustained", "longest_run"] {
+                let file = format!("glare-{t}/{name}.exr");
+                row.push(format!("{:.2}", largest(&map(&file, &format!("{name}.h"))?)));
+            }
+            let list = read_events(job, candidate, view, t)?;
+            row.push(list.len().to_string());
+            events.push((candidate.name.clone(), t, list));
+        }
+        table.rows.push(row);
+    }
+    let mut section = Section {
+        heading: format!("Numbers in the view “{}”", view.name),
+        text: vec![
+            "The largest value of any pixel. Durations come from the irradiance smoothed in space and time, as in the published method; a pixel with few photons can stand out.".into(),
+        ],
+        tables: vec![table],
+        figures: Vec::new(),
+    };
+    section.tables.extend(longest_events(job, &events)?);
+    Ok(section)
+}
+
+/// What the report needs of a line of `events.csv`.
+struct Event {
+    first: usize,
+    last: usize,
+    pixels: u64,
+    peak_w_m2: f64,
+}
+
+fn read_events(
+    job: &Job<'_>,
+    candidate: &Candidate,
+    view: &PlannedView,
+    threshold: f64,
+) -> Result<Vec<Event>, Error> {
+    let name = job.folder.glare(&candidate.name, &view.name, threshold, "events.csv");
+    let path = job.folder.at(&name);
+    let text = std::fs::read_to_string(&path)
+        .map_err(|source| Error::Read { path: path.clone(), source })?;
+    let parse = |line: &str| -> Option<Event> {
+        let mut words = line.split(',');
+        Some(Event {
+            first: words.next()?.parse().ok()?,
+            last: words.next()?.parse().ok()?,
+            pixels: words.nth(1)?.parse().ok()?,
+            peak_w_m2: words.next()?.parse().ok()?,
+        })
+    };
+    text.lines()
+        .enumerate()
+        .skip(1)
+        .map(|(i, line)| {
+            parse(line).ok_or_else(|| Error::Manifest {
+                path: path.clone(),
+                message: format!("line {} is no event", i + 1),
+            })
+        })
+        .collect()
+}
+
+fn longest_events(
+    job: &Job<'_>,
+    all: &[(String, f64, Vec<Event>)],
+) -> Result<Option<Table>, Error> {
+    let timeline = job.timeline()?;
+    let clock = Clock::new(&job.resolved.project.site, timeline.year);
+    let mut table = Table {
+        head: ["material", "above (W/m²)", "from", "to", "duration (h)", "pixels", "peak (W/m²)"]
+            .map(str::to_owned)
+            .to_vec(),
+        rows: Vec::new(),
+    };
+    for (name, threshold, list) in all {
+        let mut longest: Vec<&Event> = list.iter().collect();
+        longest.sort_by_key(|e| (std::cmp::Reverse((e.last - e.first, e.pixels)), e.first));
+        for e in longest.into_iter().take(EVENTS) {
+            let at = |i: usize| {
+                timeline.steps.get(i).map_or_else(String::new, |s| clock.show(s.day, s.hour))
+            };
+            table.rows.push(vec![
+                name.clone(),
+                threshold.to_string(),
+                at(e.first),
+                at(e.last),
+                format!("{:.2}", (e.last - e.first + 1) as f64 * timeline.step_h),
+                e.pixels.to_string(),
+                format!("{:.1}", e.peak_w_m2),
+            ]);
+        }
+    }
+    Ok((!table.rows.is_empty()).then_some(table))
+}
+
+fn pictures_of(job: &Job<'_>, candidate: &Candidate) -> Result<Section, Error> {
+    let mut figures = Vec::new();
+    let mut files = vec![
+        ("annual".to_owned(), "energy from the PV in a year"),
+        ("ratio".to_owned(), "energy in a year compared with the reference"),
+    ];
+    for t in &job.resolved.project.glare.thresholds_w_m2 {
+        files.push((format!("glare-{t}/cumulative"), "hours of glare in a year"));
+        files.push((format!("glare-{t}/sustained"), "longest glare event"));
+    }
+    for (file, caption) in files {
+        for view in &job.resolved.views {
+            let png = job.folder.map(&candidate.name, &view.name, &format!("{file}.png"));
+            if job.folder.at(&png).exists() {
+                figures.push(Figure {
+                    path: png.to_string_lossy().replace('\\', "/"),
+                    caption: format!("{}, {}: {caption} ({file})", candidate.name, view.name),
+                });
+            }
+        }
+    }
+    Ok(Section {
+        heading: format!("Maps of “{}”", candidate.name),
+        text: Vec::new(),
+        tables: Vec::new(),
+        figures,
+    })
+}
+
+fn limits_of_it() -> Section {
+    Section {
+        heading: "What this does not say".into(),
+        text: vec![
+            "The sky is always clear and trees are opaque all year. Light is followed from the PV to the first surface; what that surface reflects again is left out. Beyond the stated distance nothing is computed.".into(),
+            "Irradiance on a surface is less than what an eye receives that looks towards the PV: a low beam puts only part of itself onto the ground. annual.exr holds both.".into(),
+            "Whether people are disturbed is a judgement that a threshold can't make.".into(),
+        ],
+        tables: Vec::new(),
+        figures: Vec::new(),
+    }
+}

@@ -83,7 +83,7 @@ fn corner(i: u32, j: u32) -> DVec3 {
 /// The two triangles of a cell; diagonals alternate, so that no direction is favoured.
 fn cell(i: u32, j: u32) -> [[DVec3; 3]; 2] {
     let [a, b, c, d] = [corner(i, j), corner(i + 1, j), corner(i + 1, j + 1), corner(i, j + 1)];
-    if (i + j) % 2 == 0 { [[a, b, c], [a, c, d]] } else { [[a, b, d], [b, c, d]] }
+    if (i + j).is_multiple_of(2) { [[a, b, c], [a, c, d]] } else { [[a, b, d], [b, c, d]] }
 }
 
 /// Height of the triangles at a point, m: what things stand on.

@@ -1,8 +1,9 @@
-//! For those who work on glintmap: what makes the fixtures.
+//! For those who work on glintmap: the rules of the house, and what makes the fixtures.
 
 mod case_study;
+mod tidy;
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use clap::{Parser, Subcommand};
 
@@ -16,6 +17,8 @@ struct Cli {
 
 #[derive(Debug, Subcommand)]
 enum Command {
+    /// Hold the sources against the rules of the house
+    Tidy,
     /// Write the built-in case study: scene and project
     CaseStudy {
         /// Folder, created if missing
@@ -30,6 +33,7 @@ enum Command {
 
 fn main() -> anyhow::Result<()> {
     match Cli::parse().command {
+        Command::Tidy => tidy::report(&Path::new(env!("CARGO_MANIFEST_DIR")).join("..")),
         Command::CaseStudy { dir } => case_study::write(&dir, &case_study::files()),
         Command::Tiny { dir } => case_study::write(&dir, &case_study::tiny_files()),
     }

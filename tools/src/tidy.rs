@@ -59,6 +59,22 @@ pub struct Findings {
     pub warnings: Vec<String>,
 }
 
+/// Prints what [`tidy`] finds; an error where a rule is broken.
+pub fn report(root: &Path) -> Result<()> {
+    let findings = tidy(root)?;
+    for warning in &findings.warnings {
+        println!("warning: {warning}");
+    }
+    for broken in &findings.broken {
+        println!("broken: {broken}");
+    }
+    if !findings.broken.is_empty() {
+        bail!("{} rules of the house are broken", findings.broken.len());
+    }
+    println!("tidy");
+    Ok(())
+}
+
 /// Reads all sources below `root`.
 pub fn tidy(root: &Path) -> Result<Findings> {
     let mut findings = Findings::default();

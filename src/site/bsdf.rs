@@ -1,1 +1,0 @@
-//! How PV scatters light.

@@ -1,0 +1,19 @@
+//! How PV scatters light: models of reflection, sampled, evaluated and bounded.
+//!
+//! Directions are local: z is the PV's normal, and both the incident direction (to the sun) and
+//! the outgoing one point away from the surface. All models are isotropic.
+//!
+//! Sampling works by survival: [`Bsdf::sample`] draws a direction or lets the photon die, such
+//! that `density * survival * bound(incident) = f(incident, out) * cos(out)`. Whoever survives
+//! carries the same flux, so that a store's photons are all equal.
+
+mod circle;
+mod fresnel;
+mod ggx;
+mod model;
+mod scatter;
+
+pub use circle::{on_circle, on_hemisphere};
+pub use fresnel::reflectance as fresnel_reflectance;
+pub use model::{Error, Model};
+pub use scatter::{Bsdf, Scattered};

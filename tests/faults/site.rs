@@ -707,6 +707,30 @@ fn what_looks_wrong_is_said() {
     );
 }
 
+/// A polygon like a comb makes nested slivers, and those a hierarchy of hundreds of levels, where
+/// the library's traversal panics.
+#[test]
+fn a_comb_is_an_ordinary_polygon() {
+    use std::fmt::Write;
+    let files = Files::new();
+    let comb = |teeth: usize| {
+        let mut text = format!(
+            "void plastic w 0 0 5 .4 .4 .4 0 0\nw polygon comb 0 0 {} ",
+            (2 * teeth + 2) * 3
+        );
+        for i in 0..teeth {
+            write!(text, "{} 1 0 {} 90 0 ", i as f64 * 0.02, i as f64 * 0.02 + 0.01).unwrap();
+        }
+        text + &format!("{} -1 0 -5 -1 0", teeth as f64 * 0.02)
+    };
+    let site = files.load("comb.rad", &comb(1000), None).unwrap();
+    assert_eq!(warnings(&site), "");
+    let down =
+        |x: f32, y: f32| site.bvh.occluded(glam::vec3(x, y, 5.0), glam::Vec3::NEG_Z, 0.0, 9.0);
+    assert!(down(4.0, 0.0) && down(10.01, 20.0) && !down(10.0, 80.0) && !down(25.0, 0.0));
+    says(&files.refusal("comb.rad", &comb(10_000), None), &["20002 vertices", "divide it"]);
+}
+
 /// Broken bytes give an error or a scene, never a panic or a hang; what is read is finite.
 #[test]
 fn mutated_files_never_panic() {

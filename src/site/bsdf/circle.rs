@@ -27,12 +27,11 @@ pub fn on_circle(turns: f64) -> (f64, f64) {
     let quarter = (quarters + 0.5) as i32;
     let x = (quarters - f64::from(quarter)) * std::f64::consts::FRAC_PI_2;
     let z = x * x;
-    let sin = x
-        + x * z
-            * (SIN[0] + z * (SIN[1] + z * (SIN[2] + z * (SIN[3] + z * (SIN[4] + z * SIN[5])))));
+    let sin = x + x
+        * z
+        * (SIN[0] + z * (SIN[1] + z * (SIN[2] + z * (SIN[3] + z * (SIN[4] + z * SIN[5])))));
     let cos = 1.0 - 0.5 * z
-        + z * z
-            * (COS[0] + z * (COS[1] + z * (COS[2] + z * (COS[3] + z * (COS[4] + z * COS[5])))));
+        + z * z * (COS[0] + z * (COS[1] + z * (COS[2] + z * (COS[3] + z * (COS[4] + z * COS[5])))));
     match quarter & 3 {
         0 => (cos, sin),
         1 => (-sin, cos),

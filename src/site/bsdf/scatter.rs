@@ -221,8 +221,8 @@ impl PvGlass {
                 let cos = incident.dot(half);
                 let out = half * (2.0 * cos) - incident;
                 if out.z > 0.0 {
-                    sum += fresnel::reflectance(cos, self.index)
-                        * self.ggx.seen_back(incident, out);
+                    sum +=
+                        fresnel::reflectance(cos, self.index) * self.ggx.seen_back(incident, out);
                 }
             }
         }
@@ -231,4 +231,3 @@ impl PvGlass {
         lobe + self.cell * entering
     }
 }
-

@@ -4,7 +4,7 @@
 /// Triangles in a scene.
 pub const MAX_TRIANGLES: usize = 32_000_000;
 /// Vertices of one polygon with its holes: cutting it up takes time with their square at worst.
-pub const MAX_POLYGON_VERTICES: usize = 100_000;
+pub const MAX_POLYGON_VERTICES: usize = 20_000;
 /// PV surfaces: a photon carries the surface's number as u16.
 pub const MAX_PV_SURFACES: usize = 65_535;
 /// Timesteps in a year: one a second would be 31.5 million.

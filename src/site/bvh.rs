@@ -2,8 +2,12 @@
 
 use glam::{Vec3, Vec3A};
 use obvhs::aabb::Aabb;
+use obvhs::bvh2::Bvh2;
+use obvhs::bvh2::node::Bvh2Node;
+use obvhs::bvh2::reinsertion::ReinsertionOptimizer;
 use obvhs::cwbvh::CwBvh;
-use obvhs::cwbvh::builder::build_cwbvh;
+use obvhs::cwbvh::bvh2_to_cwbvh::bvh2_to_cwbvh;
+use obvhs::ploc::PlocBuilder;
 use obvhs::{Boundable, BvhBuildParams};
 
 use super::Triangle;
@@ -49,6 +53,98 @@ impl Boundable for Padded {
     }
 }
 
+/// Levels that the traversal's stack holds (obvhs's own, which is private; beyond it it panics).
+const MAX_LEVELS: usize = 31;
+/// Levels of a binary tree up to which it is worth converting; its conversion is recursive.
+const MAX_BINARY_LEVELS: usize = 2000;
+const PER_LEAF: u32 = 3;
+
+/// obvhs's `build_cwbvh`, but for trees that its traversal can't walk: long slivers whose boxes
+/// lie in each other (a comb of a thousand teeth) make trees of hundreds of levels. Those scenes
+/// get a balanced tree, which is slower to walk and never deep.
+fn tree_over(source: &[Padded]) -> CwBvh {
+    let how = BvhBuildParams::medium_build();
+    let mut binary = PlocBuilder::with_capacity(source.len()).build(
+        how.ploc_search_distance,
+        source,
+        (0..source.len() as u32).collect::<Vec<_>>(),
+        how.sort_precision,
+        how.search_depth_threshold,
+    );
+    if binary_levels(&binary) <= MAX_BINARY_LEVELS {
+        ReinsertionOptimizer::default().run(&mut binary, how.reinsertion_batch_ratio, None);
+        let tree = bvh2_to_cwbvh(&binary, PER_LEAF, true, false);
+        if levels(&tree) <= MAX_LEVELS {
+            return tree;
+        }
+    }
+    bvh2_to_cwbvh(&balanced(source), PER_LEAF, true, false)
+}
+
+fn binary_levels(tree: &Bvh2) -> usize {
+    let mut most = 0;
+    let mut open = vec![(0_usize, 1)];
+    while let Some((i, level)) = open.pop() {
+        most = most.max(level);
+        if let Some(node) = tree.nodes.get(i).filter(|node| !node.is_leaf()) {
+            let first = node.first_index as usize;
+            open.extend([(first, level + 1), (first + 1, level + 1)]);
+        }
+    }
+    most
+}
+
+fn levels(tree: &CwBvh) -> usize {
+    let mut most = 0;
+    let mut open = vec![(0_usize, 1)];
+    while let Some((i, level)) = open.pop() {
+        most = most.max(level);
+        let Some(node) = tree.nodes.get(i) else { continue };
+        for child in (0..8).filter(|&c| node.child_meta[c] != 0 && !node.is_leaf(c)) {
+            open.push((node.child_node_index(child) as usize, level + 1));
+        }
+    }
+    most
+}
+
+/// A binary tree that halves the number of triangles at each level, by their middles along the
+/// longest axis: as deep as the logarithm of their number.
+fn balanced(source: &[Padded]) -> Bvh2 {
+    let boxes: Vec<Aabb> = source.iter().map(Boundable::aabb).collect();
+    let middles: Vec<Vec3A> = boxes.iter().map(|b| (b.min + b.max) * 0.5).collect();
+    let mut order: Vec<u32> = (0..source.len() as u32).collect();
+    let mut nodes = vec![Bvh2Node::new(Aabb::empty(), 0, 0)];
+    let mut open = vec![(0_usize, 0..source.len())];
+    while let Some((i, range)) = open.pop() {
+        let part = &mut order[range.clone()];
+        let mut bounds = Aabb::empty();
+        let mut spread = Aabb::empty();
+        for &p in part.iter() {
+            bounds.min = bounds.min.min(boxes[p as usize].min);
+            bounds.max = bounds.max.max(boxes[p as usize].max);
+            spread.min = spread.min.min(middles[p as usize]);
+            spread.max = spread.max.max(middles[p as usize]);
+        }
+        if part.len() <= 1 {
+            nodes[i] = Bvh2Node::new(bounds, part.len() as u32, range.start as u32);
+            continue;
+        }
+        let size = spread.max - spread.min;
+        let axis = (0..3).fold(0, |best, a| if size[a] > size[best] { a } else { best });
+        let half = part.len() / 2;
+        part.select_nth_unstable_by(half, |&a, &b| {
+            let (x, y) = (middles[a as usize][axis], middles[b as usize][axis]);
+            x.total_cmp(&y).then(a.cmp(&b))
+        });
+        let first = nodes.len();
+        nodes[i] = Bvh2Node::new(bounds, 0, first as u32);
+        nodes.extend([Bvh2Node::new(Aabb::empty(), 0, 0), Bvh2Node::new(Aabb::empty(), 0, 0)]);
+        open.push((first, range.start..range.start + half));
+        open.push((first + 1, range.start + half..range.end));
+    }
+    Bvh2 { nodes, primitive_indices: order, ..Bvh2::default() }
+}
+
 impl Bvh {
     /// Builds the hierarchy. One thread, so that it doesn't depend on timing.
     pub fn build(triangles: &[Triangle]) -> Self {
@@ -60,8 +156,7 @@ impl Bvh {
             .iter()
             .map(|t| Padded { corners: t.corners.map(Vec3A::from), padding_m: reach * 1e-6 })
             .collect();
-        let mut took = std::time::Duration::default();
-        let tree = build_cwbvh(&source, BvhBuildParams::medium_build(), &mut took);
+        let tree = tree_over(&source);
         let ordered = tree.primitive_indices.iter().map(|&i| source[i as usize].corners).collect();
         Self { tree, triangles: ordered }
     }
@@ -283,6 +378,48 @@ mod tests {
             leaks += usize::from(!bvh.occluded(origin, direction, 0.0, f32::INFINITY));
         }
         assert_eq!(leaks, 0, "of 40,000 rays");
+    }
+
+    #[test]
+    fn a_balanced_tree_finds_what_the_other_finds() {
+        let triangles = soup(700, 3.0, 8);
+        let source: Vec<Padded> = triangles
+            .iter()
+            .map(|t| Padded { corners: t.corners.map(Vec3A::from), padding_m: 1e-5 })
+            .collect();
+        let tree = bvh2_to_cwbvh(&balanced(&source), PER_LEAF, true, false);
+        tree.validate(&source, false);
+        let ordered = tree.primitive_indices.iter().map(|&i| source[i as usize].corners).collect();
+        let slow = Bvh { tree, triangles: ordered };
+        let fast = Bvh::build(&triangles);
+        for i in 0..2000 {
+            let mut random = Stream::new(3, Purpose::Survey, i);
+            let origin = point(&mut random, 24.0);
+            let direction = point(&mut random, 1.0).normalize();
+            let ask = |bvh: &Bvh| bvh.closest(origin, direction, 0.001, f32::INFINITY);
+            assert_eq!(ask(&fast), ask(&slow), "ray {i}");
+        }
+    }
+
+    #[test]
+    fn trees_stay_walkable_whatever_the_triangles() {
+        // Teeth of a comb, cut like a polygon's: every box holds the one before. The library's tree
+        // would have 144 levels, its traversal a stack of 32.
+        let triangles: Vec<Triangle> = (0..2000)
+            .map(|i| {
+                let x = i as f32 * 0.01;
+                let corners =
+                    [Vec3::ZERO, Vec3::new(x + 0.01, 900.0, 0.0), Vec3::new(x, 1.0 - x, 0.0)];
+                Triangle { corners, face: 0 }
+            })
+            .collect();
+        let bvh = Bvh::build(&triangles);
+        assert!(levels(&bvh.tree) <= MAX_LEVELS);
+        let down = |x: f32, y: f32| {
+            bvh.closest(Vec3::new(x, y, 5.0), Vec3::NEG_Z, 0.0, 9.0).map(|hit| hit.distance_m)
+        };
+        assert!((down(0.5, 100.0).expect("the teeth are there") - 5.0).abs() < 1e-4);
+        assert_eq!(down(-0.5, 100.0), None);
     }
 
     #[test]

@@ -98,6 +98,26 @@ fn a_dark_tile_has_no_shard_but_a_lost_one_is_an_error() {
 }
 
 #[test]
+fn a_shard_of_the_right_length_but_of_another_volume_is_found() {
+    let folder = tempfile::tempdir().expect("folder");
+    let dense = Dense::random([16, 32, 32], 0.3, 2);
+    let darker = Dense::random([16, 32, 32], 0.1, 2);
+    let of = |first: &Dense, second: &Dense, name: &str| {
+        let numbers = [first.numbers.as_slice(), second.numbers.as_slice()].concat();
+        let path = folder.path().join(name);
+        Dense { timesteps: 32, numbers, ..*first }.write(&path);
+        path
+    };
+    let (path, other) = (of(&dense, &darker, "a.zarr"), of(&darker, &dense, "b.zarr"));
+    let shard = |path: &Path| path.join("irradiance/c/0/0/0");
+    let length = |path: &Path| fs::metadata(shard(path)).expect("is there").len();
+    assert_eq!(length(&path), length(&other));
+    fs::copy(shard(&other), shard(&path)).expect("copies");
+    let error = read_all(&path).expect_err("a wrong shard went unnoticed").to_string();
+    assert!(error.contains("the shard of something else"), "{error}");
+}
+
+#[test]
 fn killed_in_the_middle_it_ends_with_the_same_bytes() {
     let folder = tempfile::tempdir().expect("folder");
     let dense = Dense::random([37, 70, 100], 0.2, 5);
@@ -123,6 +143,13 @@ fn killed_in_the_middle_it_ends_with_the_same_bytes() {
         assert!(matches!(Volume::open(&path), Err(Error::Unfinished { .. })));
         let writer = dense.writer(&path);
         assert_eq!(writer.done(), stop);
+        // Killed once more: what followed on the torn record counts.
+        if let Some(&tile) = tiles.iter().rev().nth(stop) {
+            writer.put(tile, &dense.entries(tile)).expect("writes");
+        }
+        drop(writer);
+        let writer = dense.writer(&path);
+        assert_eq!(writer.done(), (stop + 1).min(tiles.len()));
         for tile in tiles.iter().copied() {
             if !writer.has(tile) {
                 writer.put(tile, &dense.entries(tile)).expect("writes");

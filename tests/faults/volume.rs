@@ -279,6 +279,23 @@ fn a_tile_that_makes_no_sense_is_refused() {
 }
 
 #[test]
+fn a_tile_that_could_not_be_written_is_not_noted() {
+    let folder = tempfile::tempdir().expect("folder");
+    let dense = Dense::random([5, 40, 40], 0.2, 5);
+    let path = folder.path().join("series.zarr");
+    let writer = dense.writer(&path);
+    let tile = dense.tiles()[0];
+    let shards = path.join("irradiance/c/0/0");
+    fs::remove_dir(&shards).expect("removes");
+    let error = writer.put(tile, &dense.entries(tile)).expect_err("no folder").to_string();
+    assert!(error.contains("irradiance/c/0/0/0.tmp: No such file"), "{error}");
+    assert!(!writer.has(tile));
+    fs::create_dir(&shards).expect("creates");
+    writer.put(tile, &dense.entries(tile)).expect("writes");
+    assert!(writer.has(tile));
+}
+
+#[test]
 fn a_damaged_or_missing_ledger_is_found() {
     let folder = tempfile::tempdir().expect("folder");
     let dense = Dense::random([5, 40, 40], 0.2, 5);
@@ -306,7 +323,7 @@ fn broken_metadata_and_coordinates_are_errors_and_never_a_panic() {
     for name in ["zarr.json", "irradiance/zarr.json", "sun/zarr.json", "day/c/0", "sun/c/0/0"] {
         let file = path.join(name);
         let good = fs::read(&file).expect("reads");
-        for at in (0..good.len()).step_by(3) {
+        for at in (0..good.len()).step_by(7) {
             let mut bad = good.clone();
             bad[at] ^= 1;
             fs::write(&file, &bad).expect("writes");

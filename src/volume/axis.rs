@@ -170,6 +170,16 @@ impl Axis {
         pairs.into_iter().map(|(key, value)| (key.to_owned(), value)).collect()
     }
 
+    /// Hash of everything that is stored about time, hexadecimal.
+    pub(super) fn fingerprint(&self) -> String {
+        let mut hash = blake3::Hasher::new();
+        for (name, _, bytes) in self.arrays() {
+            hash.update(name.as_bytes()).update(&bytes);
+        }
+        hash.update(Value::Object(self.attributes()).to_string().as_bytes());
+        hash.finalize().to_hex().to_string()
+    }
+
     /// Writes the chunks of the coordinate arrays below the folder of the group.
     pub(super) fn write(&self, group: &Path) -> Result<(), Error> {
         let mut encoder = Encoder::new().map_err(Error::zarr(group))?;

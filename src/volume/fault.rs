@@ -93,6 +93,12 @@ pub enum Error {
         /// What doesn't hold.
         what: String,
     },
+    /// What Zarr's metadata say of the timesteps or the quantity isn't what was written.
+    #[error("{}: a zarr.json or a coordinate array was changed after it was written (its ledger of tiles knows it otherwise); put it back or make the volume again", path.display())]
+    Metadata {
+        /// The volume.
+        path: PathBuf,
+    },
     /// The volume was not written to its end.
     #[error("{}: the volume isn't finished; run the command that makes it again, it goes on from there", path.display())]
     Unfinished {
@@ -164,9 +170,11 @@ impl Error {
             | Self::Different { .. }
             | Self::Occupied { .. }
             | Self::Shape { .. } => FaultKind::Input,
-            Self::Zarr { .. } | Self::Tile { .. } | Self::Chunk { .. } | Self::Ledger { .. } => {
-                FaultKind::Damaged
-            }
+            Self::Zarr { .. }
+            | Self::Metadata { .. }
+            | Self::Tile { .. }
+            | Self::Chunk { .. }
+            | Self::Ledger { .. } => FaultKind::Damaged,
             Self::MissingTiles { .. } | Self::Busy { .. } => FaultKind::Failed,
             Self::Interrupted(_) => FaultKind::Interrupted,
         }

@@ -72,15 +72,10 @@ impl Facts {
         quantity: Quantity,
         provenance: &Provenance,
     ) -> Self {
-        let mut hash = blake3::Hasher::new();
-        for (name, _, bytes) in axis.arrays() {
-            hash.update(name.as_bytes()).update(&bytes);
-        }
-        hash.update(Value::Object(axis.attributes()).to_string().as_bytes());
         Self {
             shape: [axis.len(), rows, columns],
             quantity,
-            timeline: hash.finalize().to_hex().to_string(),
+            timeline: axis.fingerprint(),
             provenance: provenance.clone(),
         }
     }

@@ -105,9 +105,10 @@ impl Volume {
 
     /// Which irradiance it holds; `None` where the volume doesn't say.
     pub fn quantity(&self) -> Option<Quantity> {
-        let Source::Zarr(_) = &self.source else { return None };
-        let array = layout::read_array_metadata(&self.path.join(layout::ARRAY)).ok()?;
-        serde_json::from_value(array.attributes.get("quantity")?.clone()).ok()
+        match &self.source {
+            Source::Zarr(tiles) => tiles.quantity,
+            Source::Npy(_) => None,
+        }
     }
 
     /// How much the volume holds and how much of it is not 0, as it was noted when it was

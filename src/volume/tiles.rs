@@ -9,12 +9,12 @@ use glintmap_formats::zarr::ledger::{self, Ledger, Record};
 use glintmap_formats::zarr::metadata::{self, Array, DataType, Pipeline};
 use glintmap_formats::zarr::shard::{self, Entry};
 
-use super::Error;
 use super::axis::Axis;
 use super::layout::{
     ARRAY, CHUNK_BYTES, CHUNK_TIMESTEPS, Facts, GROWING, LEDGER, Tiling, read_array_metadata,
     read_document,
 };
+use super::{Error, Quantity};
 use crate::base::limits::TILE_EDGE;
 
 /// A volume in Zarr: where each chunk lies, as far as that was asked for.
@@ -25,6 +25,8 @@ pub(super) struct Tiles {
     pipeline: Pipeline,
     /// What was written, by tile; `None` for a volume that another program wrote.
     records: Option<Vec<Record>>,
+    /// Which irradiance it is, where that is known.
+    pub quantity: Option<Quantity>,
     indexes: Vec<Mutex<Index>>,
     /// Entries of a tile's index that are kept in memory at a time.
     window: usize,
@@ -70,14 +72,24 @@ impl Tiles {
         let attributes = metadata::group_attributes(&group).map_err(Error::zarr(&group_path))?;
         let array = read_array_metadata(&array_folder)?;
         let (tiling, pipeline) = understand(&array_folder, &array)?;
-        let records = read_ledger(&array_folder, &tiling)?;
+        let ledger = read_ledger(&array_folder, &tiling)?;
         let ours = attributes.contains_key("provenance");
-        if ours && records.is_none() {
+        if ours && ledger.is_none() {
             let path = array_folder.join(LEDGER);
             let what = "it is missing, so that lost tiles couldn't be told from dark ones".into();
             return Err(Error::Ledger { path, what });
         }
         let axis = Axis::read(path, &attributes, tiling.timesteps)?;
+        let said = array.attributes.get("quantity").cloned();
+        let quantity: Option<Quantity> = said.and_then(|q| serde_json::from_value(q).ok());
+        // Zarr's metadata have no checksum; the ledger has, and knows what they must say.
+        if let Some(facts) = ledger.as_ref().map(|ledger| &ledger.facts) {
+            let timeline = axis.as_ref().map(Axis::fingerprint);
+            if timeline.as_ref() != Some(&facts.timeline) || quantity != Some(facts.quantity) {
+                return Err(Error::Metadata { path: path.to_owned() });
+            }
+        }
+        let records = ledger.map(|ledger| ledger.records);
         let indexes = (0..tiling.tiles())
             .map(|n| match &records {
                 Some(records) if records[n].bytes == 0 => Index::Absent,
@@ -88,7 +100,7 @@ impl Tiles {
         let window = index_cache_bytes / size_of::<Option<Entry>>() / tiling.tiles();
         let window = window.clamp(1, tiling.chunks());
         let array = array_folder;
-        Ok((Self { array, tiling, pipeline, records, indexes, window }, axis))
+        Ok((Self { array, tiling, pipeline, records, quantity, indexes, window }, axis))
     }
 
     /// What the ledger says, tile by tile.
@@ -263,8 +275,8 @@ fn understand(folder: &Path, array: &Array) -> Result<(Tiling, Pipeline), Error>
     Ok((tiling, array.pipeline))
 }
 
-/// The ledger's records by tile; `None` where there is none.
-fn read_ledger(array: &Path, tiling: &Tiling) -> Result<Option<Vec<Record>>, Error> {
+/// The ledger, one record for each tile in order; `None` where there is none.
+fn read_ledger(array: &Path, tiling: &Tiling) -> Result<Option<Ledger<Facts>>, Error> {
     let path = array.join(LEDGER);
     let damaged = |what: String| Error::Ledger { path: path.clone(), what };
     let file = match File::open(&path) {
@@ -285,5 +297,5 @@ fn read_ledger(array: &Path, tiling: &Tiling) -> Result<Option<Vec<Record>>, Err
         let what = format!("expected {tiles} records in order, found {found} that hold");
         return Err(damaged(what));
     }
-    Ok(Some(ledger.records))
+    Ok(Some(ledger))
 }

@@ -98,6 +98,26 @@ fn a_dark_tile_has_no_shard_but_a_lost_one_is_an_error() {
 }
 
 #[test]
+fn a_shard_of_the_right_length_but_of_another_volume_is_found() {
+    let folder = tempfile::tempdir().expect("folder");
+    let dense = Dense::random([16, 32, 32], 0.3, 2);
+    let darker = Dense::random([16, 32, 32], 0.1, 2);
+    let of = |first: &Dense, second: &Dense, name: &str| {
+        let numbers = [first.numbers.as_slice(), second.numbers.as_slice()].concat();
+        let path = folder.path().join(name);
+        Dense { timesteps: 32, numbers, ..*first }.write(&path);
+        path
+    };
+    let (path, other) = (of(&dense, &darker, "a.zarr"), of(&darker, &dense, "b.zarr"));
+    let shard = |path: &Path| path.join("irradiance/c/0/0/0");
+    let length = |path: &Path| fs::metadata(shard(path)).expect("is there").len();
+    assert_eq!(length(&path), length(&other));
+    fs::copy(shard(&other), shard(&path)).expect("copies");
+    let error = read_all(&path).expect_err("a wrong shard went unnoticed").to_string();
+    assert!(error.contains("the shard of something else"), "{error}");
+}
+
+#[test]
 fn killed_in_the_middle_it_ends_with_the_same_bytes() {
     let folder = tempfile::tempdir().expect("folder");
     let dense = Dense::random([37, 70, 100], 0.2, 5);
@@ -123,6 +143,13 @@ fn killed_in_the_middle_it_ends_with_the_same_bytes() {
         assert!(matches!(Volume::open(&path), Err(Error::Unfinished { .. })));
         let writer = dense.writer(&path);
         assert_eq!(writer.done(), stop);
+        // Killed once more: what followed on the torn record counts.
+        if let Some(&tile) = tiles.iter().rev().nth(stop) {
+            writer.put(tile, &dense.entries(tile)).expect("writes");
+        }
+        drop(writer);
+        let writer = dense.writer(&path);
+        assert_eq!(writer.done(), (stop + 1).min(tiles.len()));
         for tile in tiles.iter().copied() {
             if !writer.has(tile) {
                 writer.put(tile, &dense.entries(tile)).expect("writes");
@@ -252,6 +279,23 @@ fn a_tile_that_makes_no_sense_is_refused() {
 }
 
 #[test]
+fn a_tile_that_could_not_be_written_is_not_noted() {
+    let folder = tempfile::tempdir().expect("folder");
+    let dense = Dense::random([5, 40, 40], 0.2, 5);
+    let path = folder.path().join("series.zarr");
+    let writer = dense.writer(&path);
+    let tile = dense.tiles()[0];
+    let shards = path.join("irradiance/c/0/0");
+    fs::remove_dir(&shards).expect("removes");
+    let error = writer.put(tile, &dense.entries(tile)).expect_err("no folder").to_string();
+    assert!(error.contains("irradiance/c/0/0/0.tmp: No such file"), "{error}");
+    assert!(!writer.has(tile));
+    fs::create_dir(&shards).expect("creates");
+    writer.put(tile, &dense.entries(tile)).expect("writes");
+    assert!(writer.has(tile));
+}
+
+#[test]
 fn a_damaged_or_missing_ledger_is_found() {
     let folder = tempfile::tempdir().expect("folder");
     let dense = Dense::random([5, 40, 40], 0.2, 5);
@@ -276,23 +320,42 @@ fn broken_metadata_and_coordinates_are_errors_and_never_a_panic() {
     let folder = tempfile::tempdir().expect("folder");
     let dense = Dense::random([5, 4, 4], 0.5, 5);
     let path = written(folder.path(), &dense);
+    let axis = Volume::open(&path).expect("opens").axis().cloned();
     for name in ["zarr.json", "irradiance/zarr.json", "sun/zarr.json", "day/c/0", "sun/c/0/0"] {
         let file = path.join(name);
         let good = fs::read(&file).expect("reads");
-        for at in (0..good.len()).step_by(3) {
+        let is_text = name.ends_with("zarr.json");
+        for at in (0..good.len()).step_by(7) {
             let mut bad = good.clone();
             bad[at] ^= 1;
             fs::write(&file, &bad).expect("writes");
-            if !name.ends_with("zarr.json") {
-                let error = Volume::open(&path).expect_err("a flipped byte went unnoticed");
-                assert_eq!(error.kind(), FaultKind::Damaged, "{error}");
+            match Volume::open(&path) {
+                Err(error) if !is_text => assert_eq!(error.kind(), FaultKind::Damaged, "{error}"),
+                Err(_) => {}
+                Ok(volume) => {
+                    // Text without a checksum may be changed where it decides nothing.
+                    assert!(is_text, "a flipped byte of {name} went unnoticed");
+                    assert_eq!(volume.axis(), axis.as_ref(), "byte {at} of {name}");
+                    assert_eq!(volume.quantity(), Some(volume::Quantity::Surface));
+                    if let Ok(numbers) = read_all(&path) {
+                        assert_eq!(numbers, dense.numbers, "byte {at} of {name}");
+                    }
+                }
             }
-            let _ = read_all(&path);
-            fs::write(&file, &good[..at]).expect("writes");
-            Volume::open(&path).expect_err("a cut file went unnoticed");
+            // All that a JSON document can lose unnoticed is the end of its last line.
+            if at + 1 < good.len() {
+                fs::write(&file, &good[..at]).expect("writes");
+                Volume::open(&path).expect_err("a cut file went unnoticed");
+            }
         }
         fs::write(&file, &good).expect("writes");
     }
+    let file = path.join("zarr.json");
+    let good = fs::read_to_string(&file).expect("reads");
+    fs::write(&file, good.replace("\"year\": 2025", "\"year\": 2024")).expect("writes");
+    let error = Volume::open(&path).expect_err("another year went unnoticed");
+    assert!(matches!(error, Error::Metadata { .. }), "{error}");
+    fs::write(&file, &good).expect("writes");
     // Sizes that no memory holds.
     let file = path.join("irradiance/zarr.json");
     let good = fs::read_to_string(&file).expect("reads");

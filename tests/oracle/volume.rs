@@ -3,8 +3,8 @@
 use std::path::Path;
 use std::time::Instant;
 
-use glintmap::base::{Silent, TileSink};
-use glintmap::volume::{self, Volume};
+use glintmap::base::{Silent, TileRect, TileSink, Timeline};
+use glintmap::volume::{self, Volume, Writer};
 use glintmap_formats::npy;
 
 use crate::support::series::{Dense, files, provenance, run_python, timeline};
@@ -98,6 +98,16 @@ fn the_time_axis_comes_back() {
     assert_eq!(volume.axis(), Some(&volume::TimeAxis::from(&timeline)));
     assert_eq!(volume.segments(), timeline.segments());
     assert_eq!(volume.quantity(), Some(volume::Quantity::Surface));
+    // A step that a careless reader of JSON takes for its neighbour.
+    let timeline = Timeline { step_h: 1.0 / 11.0, ..timeline };
+    let path = folder.path().join("eleventh.zarr");
+    let quantity = volume::Quantity::Normal;
+    let writer = Writer::create_or_resume(&path, &timeline, 1, 1, quantity, &provenance());
+    let writer = writer.expect("begins");
+    writer.put(TileRect { column: 0, row: 0, columns: 1, rows: 1 }, &[]).expect("writes");
+    writer.finish().expect("finishes");
+    let volume = Volume::open(&path).expect("opens");
+    assert_eq!(volume.axis(), Some(&volume::TimeAxis::from(&timeline)));
 }
 
 #[test]

@@ -39,7 +39,7 @@ pub struct Writer<W> {
 pub struct Written {
     /// Length of the file.
     pub bytes: u64,
-    /// CRC-32C of the index, which tells this shard from any other.
+    /// CRC-32C of the index: the lengths of all chunks, by which a shard of something else shows.
     pub index_crc: u32,
 }
 

@@ -48,7 +48,8 @@ impl Block {
             return None;
         }
         let side = if width > WIDE * height { Side::Below } else { Side::Right };
-        let given = figure.legend_size.map(|v| v.map(f64::from));
+        let given =
+            figure.legend_size.map(|[l, b]| [f64::from(l.min(8192)), f64::from(b.min(1024))]);
         let bar_breadth = given.map_or((1.35 * em).round(), |g| g[1]);
         let ticks = thinned(&figure.scale);
         let label = |t: &Tick| letters.width(&t.label, 0.9 * em, Weight::Regular);
@@ -79,9 +80,10 @@ impl Block {
                 ),
             ));
         };
-        let peak = figure.data.data().iter().copied().filter(|v| v.is_finite()).fold(0.0, f32::max);
-        if f64::from(peak) > figure.scale.max * 1.0005 {
-            let (end, peak) = (figure.scale.max, three_digits(peak));
+        let highest =
+            figure.data.data().iter().copied().filter(|v| v.is_finite()).fold(0.0, f32::max);
+        let (end, peak) = (figure.scale.max, three_digits(highest));
+        if peak > end {
             note(
                 Note::Above,
                 &format!("above {}: up to {}", format_value(end), format_value(peak)),

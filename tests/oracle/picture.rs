@@ -154,7 +154,7 @@ fn figures() {
                     [
                         100.0 + 7.5 * f64::from(at),
                         62.0 - (20.0 + 9.0 * f64::from(i))
-                            * libm::sin(f64::from(at) / 40.0 * 3.14159),
+                            * libm::sin(f64::from(at) / 40.0 * std::f64::consts::PI),
                     ]
                 })
                 .collect(),

@@ -61,10 +61,15 @@ enum Command {
     #[command(subcommand)]
     Volume(volume::Command),
     #[command(subcommand)]
-    Picture(picture::Command),
+    Picture(Box<picture::Command>),
     Convert(convert::Arguments),
     Inspect(inspect::Arguments),
     Verify(verify::Arguments),
+}
+
+/// Reads the command line; ends the process where it is wrong or asks for help.
+pub fn parse() -> Cli {
+    Cli::parse_from(picture::with_two_dashes(std::env::args_os()))
 }
 
 /// Runs the command; what it returns was not yet printed.

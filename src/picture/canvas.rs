@@ -114,7 +114,18 @@ impl Mask {
     /// A line with round ends through points; `None` breaks it. Only what lies in `clip` is kept.
     pub(super) fn line(points: &[Option<(f64, f64)>], width: f64, clip: Rect) -> Self {
         let radius = width / 2.0;
-        let mut mask = Self::empty(clip);
+        let mut bounds = [f64::MAX, f64::MAX, f64::MIN, f64::MIN];
+        for (x, y) in points.iter().flatten().filter(|p| p.0.abs() < 1e7 && p.1.abs() < 1e7) {
+            bounds = [bounds[0].min(*x), bounds[1].min(*y), bounds[2].max(*x), bounds[3].max(*y)];
+        }
+        if bounds[0] > bounds[2] {
+            return Self::default();
+        }
+        let low = [0, 1].map(|at| libm::floor(bounds[at] - radius - 1.0) as i64);
+        let high = [2, 3].map(|at| libm::ceil(bounds[at] + radius + 1.0) as i64);
+        let (width, height) = (high[0] - low[0], high[1] - low[1]);
+        let area = Rect { x: low[0], y: low[1], width, height };
+        let mut mask = Self::empty(area.intersection(&clip));
         let mut previous = None;
         for &point in points {
             let point = point.filter(|p| p.0.abs() < 1e7 && p.1.abs() < 1e7);

@@ -10,7 +10,7 @@ use crate::base::Grid;
 /// What shows where there are neither values nor a background.
 pub const BARE: [u8; 3] = [0xee, 0xef, 0xf1];
 /// How much of the data's colour shows over a background: enough of the grey stays to see roofs.
-pub const OPACITY: f64 = 0.86;
+pub const OPACITY: f64 = 0.9;
 
 /// How values are drawn.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]

@@ -1,10 +1,14 @@
 //! Rasters in files, told apart by the ending of the name.
 
+use std::fs::File;
 use std::path::Path;
 
-use super::channels::Channels;
+use glintmap_formats::npy;
+
+use super::channels::{Channels, check_size};
 use super::tonemap::{self, Exposure};
 use super::{Error, exr, hdr, png, tif};
+use crate::base::Grid;
 
 /// The kinds of files that are read and written.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -17,6 +21,8 @@ pub enum Kind {
     Png,
     /// 32-bit floats, one channel or colours.
     Tif,
+    /// NumPy: `[row, column]`, or `[row, column, 3]` for colours.
+    Npy,
 }
 
 impl Kind {
@@ -31,6 +37,7 @@ impl Kind {
             "hdr" | "pic" | "rgbe" => Ok(Self::Hdr),
             "png" => Ok(Self::Png),
             "tif" | "tiff" => Ok(Self::Tif),
+            "npy" => Ok(Self::Npy),
             _ => Err(Error::unsupported(
                 path,
                 "expected a name that ends in .exr, .hdr, .png, .npy or .tif",
@@ -49,6 +56,7 @@ pub fn read(path: &Path) -> Result<Channels, Error> {
     match Kind::of(path)? {
         Kind::Exr => exr::read(path),
         Kind::Tif => tif::read(path),
+        Kind::Npy => read_npy(path),
         Kind::Hdr => {
             let (picture, header) = hdr::read(path)?;
             let mut out = Channels::from_rgb(&picture);
@@ -73,7 +81,7 @@ pub fn read(path: &Path) -> Result<Channels, Error> {
 ///
 /// * `.exr` takes all channels, or the one that is `wanted`.
 /// * `.hdr` takes R, G and B; one channel of values as grey.
-/// * `.tif` takes R, G and B, or one channel of values.
+/// * `.tif` and `.npy` take R, G and B, or one channel of values.
 /// * `.png` takes R, G and B, or Y, tone mapped; values need colours, which
 ///   `glintmap picture falsecolor` gives them.
 ///
@@ -104,6 +112,16 @@ pub fn write(
         }
         (Kind::Tif, Some(rgb)) if channels.get("Y").is_none() => tif::write_rgb(path, &rgb),
         (Kind::Tif, _) => tif::write(path, &channels.values(wanted, source)?.1),
+        (Kind::Npy, Some(rgb)) if channels.get("Y").is_none() => {
+            let samples: Vec<f32> = rgb.data().iter().flatten().copied().collect();
+            npy::write(path, &[rgb.rows(), rgb.columns(), 3], &samples)
+                .map_err(npy_said(path, true))
+        }
+        (Kind::Npy, _) => {
+            let (_, grid) = channels.values(wanted, source)?;
+            npy::write(path, &[grid.rows(), grid.columns()], grid.data())
+                .map_err(npy_said(path, true))
+        }
         (Kind::Png, Some(rgb)) => {
             png::write(path, &tonemap::tonemap(&rgb, Exposure::Auto, false), &png_texts(channels))
         }
@@ -117,6 +135,51 @@ pub fn write(
             ))
         }
     }
+}
+
+fn npy_said(path: &Path, writing: bool) -> impl FnOnce(npy::Error) -> Error {
+    move |e| match e {
+        npy::Error::Io(source) => Error::Io { path: path.to_owned(), source, writing },
+        e => Error::malformed(path, e.to_string()),
+    }
+}
+
+/// An array of `float32` or `int32`, two axes or three with the colours last.
+fn read_npy(path: &Path) -> Result<Channels, Error> {
+    let mut file = File::open(path).map_err(Error::read(path))?;
+    let header = npy::Header::read(&mut file).map_err(npy_said(path, false))?;
+    let (rows, columns, step) = match *header.shape.as_slice() {
+        [rows, columns] => (rows, columns, 1),
+        [rows, columns, 3] => (rows, columns, 3),
+        _ => {
+            let shape = npy::shape_text(&header.shape);
+            let what = format!(
+                "has shape {shape}; expected [row, column] or [row, column, 3]: choose a slice first"
+            );
+            return Err(Error::unsupported(path, what));
+        }
+    };
+    let (columns, rows) = check_size(path, columns as u64, rows as u64, step as u64)?;
+    let samples: Vec<f32> = if header.descr == "<i4" {
+        let numbers = npy::Reader::<i32>::open(path).and_then(|r| r.read_all());
+        numbers.map_err(npy_said(path, false))?.into_iter().map(|v| v as f32).collect()
+    } else {
+        let numbers = npy::Reader::<f32>::open(path).and_then(|r| r.read_all());
+        numbers.map_err(npy_said(path, false))?
+    };
+    let plane = |at: usize| {
+        let data = samples.iter().skip(at).step_by(step).copied().collect();
+        Grid::from_vec(columns, rows, data)
+    };
+    let mut out = Channels::new(columns, rows);
+    if step == 1 {
+        out.push("value", plane(0));
+    } else {
+        for (at, name) in ["R", "G", "B"].into_iter().enumerate() {
+            out.push(name, plane(at));
+        }
+    }
+    Ok(out)
 }
 
 /// Attribute names that EXR takes: others are left out, values stay.

@@ -48,7 +48,8 @@ impl Block {
             return None;
         }
         let side = if width > WIDE * height { Side::Below } else { Side::Right };
-        let given = figure.legend_size.map(|v| v.map(f64::from));
+        let given =
+            figure.legend_size.map(|[l, b]| [f64::from(l.min(8192)), f64::from(b.min(1024))]);
         let bar_breadth = given.map_or((1.35 * em).round(), |g| g[1]);
         let ticks = thinned(&figure.scale);
         let label = |t: &Tick| letters.width(&t.label, 0.9 * em, Weight::Regular);
@@ -79,9 +80,10 @@ impl Block {
                 ),
             ));
         };
-        let peak = figure.data.data().iter().copied().filter(|v| v.is_finite()).fold(0.0, f32::max);
-        if f64::from(peak) > figure.scale.max * 1.0005 {
-            let (end, peak) = (figure.scale.max, three_digits(peak));
+        let highest =
+            figure.data.data().iter().copied().filter(|v| v.is_finite()).fold(0.0, f32::max);
+        let (end, peak) = (figure.scale.max, three_digits(highest));
+        if peak > end {
             note(
                 Note::Above,
                 &format!("above {}: up to {}", format_value(end), format_value(peak)),
@@ -135,7 +137,7 @@ impl Block {
 }
 
 fn note_height(lines: &[String], em: f64) -> f64 {
-    (lines.len() as f64 * 1.15 * em).max(1.5 * em)
+    lines.len() as f64 * 1.15 * em + 0.35 * em
 }
 
 fn three_digits(value: f32) -> f64 {
@@ -186,7 +188,7 @@ pub(super) fn draw(canvas: &mut Canvas, figure: &Figure<'_>, layout: &Layout, le
         let swatch =
             Rect { x: x as i64, y: y as i64, width: breadth.min(em as i64 * 2), height: em as i64 };
         let color = match note {
-            Note::Above => figure.scale.palette.color(1.0),
+            Note::Above => bar_color(figure, figure.scale.max),
             Note::Bare => BARE,
             // As over a background of middle grey.
             Note::Below => mix([150; 3], figure.scale.palette.color(0.0), 0.35 * figure.opacity),
@@ -216,19 +218,22 @@ pub(super) fn draw(canvas: &mut Canvas, figure: &Figure<'_>, layout: &Layout, le
     }
 }
 
-fn draw_bar(canvas: &mut Canvas, figure: &Figure<'_>, bar: Rect, side: Side) {
-    let length = if side == Side::Right { bar.height } else { bar.width };
-    let place = |at: i64| (at as f64 + 0.5) / length as f64;
-    let values = (0..length).map(|at| figure.scale.value(place(at)) as f32).collect();
-    let ramp = Grid::from_vec(length as usize, 1, values);
-    // Contour lines are read by their colour: the bar shows bands for them.
+/// The colour that a value has in the bar: bands where the picture has contour lines, because
+/// lines are read by their colour.
+fn bar_color(figure: &Figure<'_>, value: f64) -> [u8; 3] {
     let contours = match figure.contours {
         Contours::Lines => Contours::Bands,
         other => other,
     };
-    let Ok(colors) = colored(&ramp, &figure.scale, contours) else { return };
+    let grid = Grid::filled(1, 1, value as f32);
+    colored(&grid, &figure.scale, contours).map_or(BARE, |colors| colors[(0, 0)].0)
+}
+
+fn draw_bar(canvas: &mut Canvas, figure: &Figure<'_>, bar: Rect, side: Side) {
+    let length = if side == Side::Right { bar.height } else { bar.width };
+    let place = |at: i64| (at as f64 + 0.5) / length as f64;
     for at in 0..length {
-        let (color, _) = colors[(at as usize, 0)];
+        let color = bar_color(figure, figure.scale.value(place(at)));
         let strip = match side {
             Side::Right => Rect { y: bar.bottom() - 1 - at, height: 1, ..bar },
             Side::Below => Rect { x: bar.x + at, width: 1, ..bar },

@@ -80,6 +80,30 @@ impl Scale {
         }
     }
 
+    /// A scale for pictures that are to be compared: up to `max`, or else to a round number that
+    /// 99.9 % of their values don't exceed; logarithmic where a number of decades is given.
+    pub fn fitted<'a>(
+        grids: impl IntoIterator<Item = &'a Grid<f32>>,
+        max: Option<f64>,
+        decades: Option<f64>,
+        unit: &str,
+    ) -> Self {
+        let max = max.unwrap_or_else(|| nice_ceiling(percentile(grids, 0.999)));
+        match decades {
+            Some(decades) => Self::logarithmic(max, decades, unit),
+            None => Self::linear(max, unit),
+        }
+    }
+
+    /// [`Self::ratio`] up to `max`, or else to a round number that 99.9 % of the values don't
+    /// exceed, at least 2.
+    pub fn fitted_ratio<'a>(
+        grids: impl IntoIterator<Item = &'a Grid<f32>>,
+        max: Option<f64>,
+    ) -> Self {
+        Self::ratio(max.unwrap_or_else(|| nice_ceiling(percentile(grids, 0.999)).max(2.0)))
+    }
+
     /// 0 to `max` (1.1 at least) with 1 in the middle, blue below and yellow to red above.
     pub fn ratio(max: f64) -> Self {
         let max = max.max(1.1);

@@ -10,7 +10,7 @@ const PILOT_STORED: u64 = 40_000;
 const PILOT_EMITTED: u64 = 1 << 29;
 /// Landed photons without which a pilot says nothing, and how many it sends before it gives up.
 const PILOT_LEAST: u64 = 64;
-const PILOT_PATIENCE: u64 = 1 << 25;
+const PILOT_PATIENCE: u64 = 1 << 24;
 /// Photons that a run may send.
 const MOST_EMITTED: f64 = (1_u64 << 48) as f64;
 

@@ -1,5 +1,7 @@
 //! Photons: closed forms, geometry, and a tally that closes.
 
+mod speed;
+
 use glam::{DVec3, Vec3};
 use glintmap::base::{
     Aabb, Photon, PhotonSink, Silent, SinkError, SpectralBasis, Tally, Timeline, Timestep,
@@ -365,7 +367,7 @@ fn the_tally_closes_for_every_model() {
             site: &site,
             timeline: &timeline,
             bsdfs: vec![&scatter; 4],
-            settings: settings(30_000),
+            settings: settings(10_000),
         };
         let (_, photons, tally) = trace(&emission);
         let flux = photons[0].flux_w;

@@ -9,6 +9,7 @@ mod exit;
 mod glare;
 mod inspect;
 mod new;
+mod ours;
 mod picture;
 mod plan;
 mod probe;

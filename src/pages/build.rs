@@ -306,7 +306,7 @@ impl<'a> Builder<'a> {
     /// Compresses pages on all cores and writes them in order.
     fn encode<'p, I>(&mut self, jobs: Vec<Job<I>>) -> Result<(), Error>
     where
-        I: ExactSizeIterator<Item = &'p Photon> + Clone + Send,
+        I: Iterator<Item = &'p Photon> + Send,
     {
         let encoded: Vec<Encoded> = jobs
             .into_par_iter()
@@ -315,8 +315,10 @@ impl<'a> Builder<'a> {
                     Ok(encoder) => encoder,
                     Err(_) => &mut gmp::Encoder::new()?,
                 };
-                let columns = page::columns(job.photons.clone());
-                let sums = page::sums(&columns, job.photons);
+                // Side by side, because they are gone through several times.
+                let photons: Vec<Photon> = job.photons.copied().collect();
+                let columns = page::columns(&photons);
+                let sums = page::sums(&columns, &photons);
                 let bytes = encoder.page(&columns)?;
                 Ok(Encoded { bytes, sums, first: job.first, last: job.last })
             })

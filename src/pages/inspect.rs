@@ -1,6 +1,7 @@
 //! Figures about a store, for people.
 
 use super::Error;
+use super::spill::RECORD_BYTES;
 use super::store::Store;
 
 /// The leaves of one level of the octree.
@@ -32,6 +33,11 @@ pub struct PerTimestep {
 }
 
 impl Store {
+    /// Bytes of a photon before it is quantised and compressed.
+    pub fn raw_photon_bytes(&self) -> usize {
+        RECORD_BYTES
+    }
+
     /// The tree, level by level.
     pub fn levels(&self) -> Vec<LevelStats> {
         let mut levels: Vec<LevelStats> = Vec::new();

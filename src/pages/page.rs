@@ -16,8 +16,8 @@ pub(super) const BLOCK: usize = 128;
 const STEPS: f32 = 65535.0;
 
 /// Quantises the photons of a page, given in their order in the octree.
-pub(super) fn columns<'a>(photons: impl ExactSizeIterator<Item = &'a Photon> + Clone) -> Columns {
-    let bounds = Aabb::around(photons.clone().map(|p| p.position));
+pub(super) fn columns(photons: &[Photon]) -> Columns {
+    let bounds = Aabb::around(photons.iter().map(|p| p.position));
     let step = bounds.size().max_element() / STEPS;
     let integer = |v: f32| {
         let q = f64::from(v) / f64::from(step);
@@ -26,20 +26,19 @@ pub(super) fn columns<'a>(photons: impl ExactSizeIterator<Item = &'a Photon> + C
     };
     // 48 bits of code, 13 bits of number in the page: ties stay in the octree's order.
     let mut order: Vec<u64> = photons
-        .clone()
-        .enumerate()
-        .map(|(i, p)| {
+        .iter()
+        .zip(0u64..)
+        .map(|(p, i)| {
             let v = p.position - bounds.min;
-            interleave(integer(v.x), integer(v.y), integer(v.z)) << 13 | i as u64
+            interleave(integer(v.x), integer(v.y), integer(v.z)) << 13 | i
         })
         .collect();
     order.sort_unstable();
-    let photons: Vec<&Photon> = photons.collect();
-    let sorted = || order.iter().map(|key| photons[(key & 0x1FFF) as usize]);
+    let sorted = || order.iter().map(|key| &photons[(key & 0x1FFF) as usize]);
 
     let mut table = Table::default();
     let normal = sorted().map(|p| table.index(octahedral(p.normal))).collect();
-    let first = photons[0].flux_w;
+    let first = photons.first().map_or(0.0, |p| p.flux_w);
     let flux = if photons.iter().all(|p| p.flux_w == first) {
         Flux::Equal(first.abs().to_bits())
     } else {
@@ -91,7 +90,7 @@ fn positions(columns: &Columns) -> impl Iterator<Item = Vec3> {
 
 /// What a page adds to the sums of the store. Flux is what photons had before they were
 /// quantised.
-pub(super) fn sums<'a>(columns: &Columns, photons: impl Iterator<Item = &'a Photon>) -> Sums {
+pub(super) fn sums(columns: &Columns, photons: &[Photon]) -> Sums {
     let mut sums = Sums::NONE;
     for photon in photons {
         let flux_w = f64::from(photon.flux_w);

@@ -27,10 +27,10 @@ impl Sorted {
         cube: &Cube,
         check: impl Fn(&Photon) -> Result<(), Error>,
     ) -> Result<Self, Error> {
-        let total: u64 = buckets.iter().map(|b| b.photons).sum();
-        // Not more than the files' lengths allow, which `read` checks before it delivers.
-        let mut photons = Vec::with_capacity(total.min(1 << 20) as usize);
+        let mut photons = Vec::new();
         for bucket in buckets {
+            bucket.open(dir)?;
+            photons.reserve_exact(bucket.photons as usize);
             bucket.read(dir, |photon| {
                 check(photon)?;
                 photons.push(*photon);
@@ -53,11 +53,7 @@ impl Sorted {
     }
 
     /// Photons `start..end` in order.
-    pub fn photons(
-        &self,
-        start: usize,
-        end: usize,
-    ) -> impl ExactSizeIterator<Item = &Photon> + Clone {
+    pub fn photons(&self, start: usize, end: usize) -> impl Iterator<Item = &Photon> {
         self.keys[start..end].iter().map(|k| &self.photons[k.1 as usize])
     }
 }

@@ -61,6 +61,36 @@ impl Bucket {
         (self.cell << shift, ((self.cell + 1) << shift) - 1)
     }
 
+    fn damaged(&self, dir: &Path, what: String) -> Error {
+        Error::Damaged {
+            path: self.path(dir),
+            byte: 0,
+            part: "photons before they are sorted".to_owned(),
+            what,
+            stage: "trace",
+        }
+    }
+
+    /// Opens the file, if it is as long as its photons are many: from then on their number may
+    /// size an allocation.
+    pub fn open(&self, dir: &Path) -> Result<File, Error> {
+        let path = self.path(dir);
+        let file = match File::open(&path) {
+            Ok(file) => file,
+            Err(e) if e.kind() == io::ErrorKind::NotFound => {
+                let what = format!("the file is missing; {} photons expected", self.photons);
+                return Err(self.damaged(dir, what));
+            }
+            Err(e) => return Err(Error::io(&path, "opening")(e)),
+        };
+        let length = file.metadata().map_err(Error::io(&path, "asking its length"))?.len();
+        if self.photons.checked_mul(RECORD_BYTES as u64) != Some(length) {
+            let what = format!("{} photons expected, {length} bytes found", self.photons);
+            return Err(self.damaged(dir, what));
+        }
+        Ok(file)
+    }
+
     /// Reads the photons in pieces and checks length and checksum.
     pub fn read(
         &self,
@@ -68,32 +98,9 @@ impl Bucket {
         mut each: impl FnMut(&Photon) -> Result<(), Error>,
     ) -> Result<(), Error> {
         let path = self.path(dir);
-        let damaged = |what: String| Error::Damaged {
-            path: path.clone(),
-            byte: 0,
-            part: "photons before they are sorted".to_owned(),
-            what,
-            stage: "trace",
-        };
-        let mut file = match File::open(&path) {
-            Ok(file) => file,
-            Err(e) if e.kind() == io::ErrorKind::NotFound => {
-                return Err(damaged(format!(
-                    "the file is missing; {} photons expected",
-                    self.photons
-                )));
-            }
-            Err(e) => return Err(Error::io(&path, "opening")(e)),
-        };
-        let length = file.metadata().map_err(Error::io(&path, "asking its length"))?.len();
-        if self.photons.checked_mul(RECORD_BYTES as u64) != Some(length) {
-            return Err(damaged(format!(
-                "{} photons expected, {length} bytes found",
-                self.photons
-            )));
-        }
+        let mut file = self.open(dir)?;
         let mut piece = vec![0; RECORD_BYTES * (self.photons.min(1 << 13) as usize)];
-        let mut left = length;
+        let mut left = self.photons * RECORD_BYTES as u64;
         let mut sum = 0;
         while left > 0 {
             let n = left.min(piece.len() as u64) as usize;
@@ -105,7 +112,8 @@ impl Bucket {
             }
         }
         if sum != self.crc32c {
-            return Err(damaged(format!("checksum {:08x} expected, {sum:08x} found", self.crc32c)));
+            let what = format!("checksum {:08x} expected, {sum:08x} found", self.crc32c);
+            return Err(self.damaged(dir, what));
         }
         Ok(())
     }

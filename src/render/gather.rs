@@ -78,7 +78,7 @@ pub fn annual(
         Mutex::new(Annual { surface: empty(), normal: empty(), radius_m: empty(), floored: 0 });
     progress.begin("annual map", (hits.columns * hits.rows) as u64, "pixels");
     order.tiles().par_iter().try_for_each_init(
-        || (Neighbours::new(), Vec::new()),
+        || (Neighbours::default(), Vec::new()),
         |(found, values), &tile| {
             progress.check()?;
             values.clear();

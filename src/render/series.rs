@@ -202,7 +202,7 @@ pub fn series(
     let pixels: u64 = todo.iter().map(|tile| tile.pixels() as u64).sum();
     progress.begin("time series", pixels, "pixels");
     todo.par_iter().try_for_each_init(
-        || (Neighbours::new(), TileSeries::new(store.info().timesteps as usize)),
+        || (Neighbours::default(), TileSeries::new(store.info().timesteps as usize)),
         |(found, tile_series), &tile| {
             progress.check()?;
             let mut summary = SeriesSummary { tiles_rendered: 1, ..Default::default() };

@@ -57,9 +57,24 @@ pub fn write<T: Serialize>(
     version: u32,
     facts: &T,
 ) -> io::Result<usize> {
+    write_padded(out, name, version, facts, 0)
+}
+
+/// [`write`], filled up to at least `reserved` bytes (a multiple of 64): for formats that learn
+/// some of their facts only while they write what follows the header, and put it in front then.
+///
+/// # Errors
+/// Whatever the writer says.
+pub fn write_padded<T: Serialize>(
+    out: &mut impl Write,
+    name: &'static str,
+    version: u32,
+    facts: &T,
+    reserved: usize,
+) -> io::Result<usize> {
     let json = serde_json::to_string_pretty(facts)?;
     let least = LINE_MAX + json.len() + 1 + TRAILER;
-    let length = least.next_multiple_of(64);
+    let length = least.next_multiple_of(64).max(reserved);
     if length > MAX {
         return Err(io::Error::other(format!("header of {length} bytes, at most {MAX}")));
     }

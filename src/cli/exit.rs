@@ -16,6 +16,6 @@ fn classify(cause: &(dyn std::error::Error + 'static)) -> Option<FaultKind> {
     if cause.is::<Interrupted>() {
         return Some(FaultKind::Interrupted);
     }
-    rooms!();
+    rooms!(super::ours::Error, crate::pages::Error);
     None
 }

@@ -6,6 +6,7 @@ mod convert;
 mod exit;
 mod glare;
 mod inspect;
+mod ours;
 mod picture;
 mod suns;
 mod verify;

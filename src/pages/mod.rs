@@ -1,110 +1,37 @@
-//! STUB of the room `pages` with the signatures that render needs, so that this branch compiles
-//! alone. The room's own branch replaces this file whole.
+//! The photon store: photons as they come, sorted and in pages on disk, and found again.
+//!
+//! [`Spill`] takes photons and parts them on disk by octree cell; [`build`] sorts each part within
+//! the memory it is given and writes the store, whose bytes depend on the photons alone;
+//! [`Store`] maps it, keeps decompressed pages in a cache weighed in bytes, and delivers the k
+//! nearest photons of a spot, those in a box, or all. What they mean is for others to say. The
+//! file is described in [`glintmap_formats::gmp`].
 
-use std::path::Path;
+mod build;
+mod cache;
+mod error;
+mod facts;
+mod inspect;
+mod mapped;
+mod morton;
+mod page;
+mod quantise;
+mod query;
+mod sort;
+mod spill;
+mod store;
+mod tree;
+mod verify;
 
-use glam::Vec3;
+#[cfg(test)]
+mod tests;
 
-use crate::base::FaultKind;
-
-/// Stub.
-#[derive(Debug, thiserror::Error)]
-#[error("pages stub")]
-pub struct Error;
-
-impl Error {
-    /// Stub.
-    pub fn kind(&self) -> FaultKind {
-        FaultKind::Failed
-    }
-}
-
-/// Stub.
-pub struct StoreInfo {
-    /// Stub.
-    pub timesteps: u32,
-    /// Stub.
-    pub photons: u64,
-}
-
-/// Stub.
-pub struct Store {
-    info: StoreInfo,
-}
-
-/// Stub.
-pub struct OpenOptions;
-
-/// Stub.
-pub struct Query {
-    /// Stub.
-    pub point: Vec3,
-    /// Stub.
-    pub normal: Vec3,
-    /// Stub.
-    pub count: usize,
-    /// Stub.
-    pub max_radius_m: f32,
-}
-
-/// Stub.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Neighbour {
-    /// Stub.
-    pub index: u64,
-    /// Stub.
-    pub distance2_m2: f32,
-    /// Stub.
-    pub flux_w: f32,
-    /// Stub.
-    pub cos: f32,
-    /// Stub.
-    pub timestep: u32,
-    /// Stub.
-    pub surface: u16,
-}
-
-/// Stub.
-#[derive(Default)]
-pub struct Neighbours {
-    items: Vec<Neighbour>,
-}
-
-impl Neighbours {
-    /// Stub.
-    pub fn new() -> Self {
-        Self::default()
-    }
-    /// Stub.
-    pub fn items(&self) -> &[Neighbour] {
-        &self.items
-    }
-    /// Stub.
-    pub fn farthest(&self) -> Option<usize> {
-        None
-    }
-    /// Stub.
-    pub fn full(&self) -> bool {
-        false
-    }
-}
-
-impl Store {
-    /// Stub.
-    pub fn open(_path: &Path, _options: &OpenOptions) -> Result<Self, Error> {
-        Err(Error)
-    }
-    /// Stub.
-    pub fn info(&self) -> &StoreInfo {
-        &self.info
-    }
-    /// Stub.
-    pub fn max_radius_m(&self, _bandwidth: usize) -> f32 {
-        1.0
-    }
-    /// Stub.
-    pub fn nearest(&self, _query: &Query, found: &mut Neighbours) -> Result<(), Error> {
-        found.items.clear();
-        Ok(())
-    }
-}
+pub use build::{StoreSummary, build, spill_dir};
+pub use cache::CacheStats;
+pub use error::Error;
+pub use facts::{About, RADIUS_RULE, StoreInfo};
+pub use inspect::{LevelStats, PerTimestep};
+pub use mapped::Access;
+pub use query::{Neighbour, Neighbours, Query};
+pub use spill::{Spill, SpillSummary, discard};
+pub use store::{OpenOptions, Store};
+pub use verify::verify;

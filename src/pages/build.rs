@@ -1,0 +1,392 @@
+//! From buckets of photons to the store: sort each within memory, cut into leaves, compress on all
+//! cores, write in order, once.
+
+use std::fs::{self, File, OpenOptions, TryLockError};
+use std::io::{BufWriter, Seek, SeekFrom, Write};
+use std::ops::Range;
+use std::path::{Path, PathBuf};
+
+use glintmap_formats::checksum::crc32c;
+use glintmap_formats::{gmp, header, seal};
+use rayon::prelude::*;
+
+use super::Error;
+use super::facts::{About, Facts, Layout, Sums};
+use super::morton::{Cube, LEVELS};
+use super::page;
+use super::sort::{Merged, Sorted};
+use super::spill::{Bucket, Parting, SPLIT_LEVELS, SPLIT_PREFIX, SpillSummary, discard};
+use super::tree::{Leaf, cut, nodes};
+use crate::base::{Photon, Progress};
+
+/// Memory that a photon takes while it is sorted, cut and compressed: 48 itself, 16 its key, the
+/// rest for its page in columns and in bytes.
+const BYTES_PER_PHOTON: u64 = 96;
+/// Bytes by which the header may grow when the counts are known.
+const HEADER_SLACK: usize = 1024;
+
+/// What a build made.
+#[derive(Clone, Debug, PartialEq, serde::Serialize)]
+pub struct StoreSummary {
+    /// Number of photons.
+    pub photons: u64,
+    /// Number of pages.
+    pub pages: u64,
+    /// Length of the file, bytes.
+    pub bytes: u64,
+    /// Sum of the photons' flux, W.
+    pub flux_w: f64,
+}
+
+/// Sorts the photons of a completed spill into the store `store`, which appears whole or not at
+/// all. The same photons give the same bytes, whatever the memory, the threads, and the order in
+/// which they came. The spill is left as it is; see [`discard`](super::discard).
+///
+/// # Errors
+/// [`Error::Unfinished`] for a spill that isn't complete, [`Error::Damaged`] for one that changed
+/// since, [`Error::Photon`], [`Error::Interrupted`], [`Error::Busy`], or what the file system says.
+pub fn build(
+    spill_dir: &Path,
+    store: &Path,
+    about: &About,
+    memory_bytes: u64,
+    progress: &dyn Progress,
+) -> Result<StoreSummary, Error> {
+    let size = Size {
+        page_photons: gmp::PAGE_PHOTONS_MAX,
+        batch_photons: (memory_bytes / 2 / BYTES_PER_PHOTON)
+            .clamp(4 * gmp::PAGE_PHOTONS_MAX as u64, 1 << 31),
+        buffer_bytes: (memory_bytes / 16).clamp(1 << 16, 128 << 20) as usize,
+    };
+    build_sized(spill_dir, store, about, size, progress)
+}
+
+/// Sizes that tests make small, so that every seam is crossed.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Size {
+    /// Photons that a page holds at most.
+    pub page_photons: usize,
+    /// Photons that are in memory at once.
+    pub batch_photons: u64,
+    /// Bytes to buffer where a bucket is parted again.
+    pub buffer_bytes: usize,
+}
+
+pub(super) fn build_sized(
+    spill_dir: &Path,
+    store: &Path,
+    about: &About,
+    size: Size,
+    progress: &dyn Progress,
+) -> Result<StoreSummary, Error> {
+    let spill = SpillSummary::read(spill_dir)?;
+    let growing = seal::growing(store);
+    let out = open_alone(&growing)?;
+    progress.begin("pages", spill.photons, "photons");
+    let result = (|| {
+        let mut builder = Builder::new(out, &growing, about, spill.cube, size, progress)?;
+        builder.cell(spill_dir, &spill.buckets, (0, 0))?;
+        builder.finish(store)
+    })();
+    if result.is_err() {
+        // The error that matters is the first one; a leftover .tmp is overwritten next time.
+        let _ = fs::remove_file(&growing);
+    }
+    progress.finish();
+    result
+}
+
+/// Opens the growing file, empty, unless another process does the same.
+fn open_alone(growing: &Path) -> Result<File, Error> {
+    let file = OpenOptions::new()
+        .create(true)
+        .truncate(false)
+        .read(true)
+        .write(true)
+        .open(growing)
+        .map_err(Error::io(growing, "creating"))?;
+    if matches!(file.try_lock(), Err(TryLockError::WouldBlock)) {
+        return Err(Error::Busy { path: growing.to_owned() });
+    }
+    // A file system without locks is no reason to stop; /dev/full can't be truncated either.
+    let _ = file.set_len(0);
+    Ok(file)
+}
+
+struct Builder<'a> {
+    out: BufWriter<File>,
+    growing: &'a Path,
+    about: &'a About,
+    cube: Cube,
+    size: Size,
+    progress: &'a dyn Progress,
+    reserved: usize,
+    offset: u64,
+    pages: Vec<gmp::PageEntry>,
+    sums: Sums,
+}
+
+/// Sorted photons, and which of their leaves to write.
+struct Unit {
+    buckets: Range<usize>,
+    leaf: Leaf,
+}
+
+/// Photons for one page.
+struct Job<I> {
+    photons: I,
+    first: u64,
+    last: u64,
+}
+
+struct Encoded {
+    bytes: Vec<u8>,
+    sums: Sums,
+    first: u64,
+    last: u64,
+}
+
+impl<'a> Builder<'a> {
+    fn new(
+        out: File,
+        growing: &'a Path,
+        about: &'a About,
+        cube: Cube,
+        size: Size,
+        progress: &'a dyn Progress,
+    ) -> Result<Self, Error> {
+        let mut builder = Self {
+            out: BufWriter::with_capacity(1 << 20, out),
+            growing,
+            about,
+            cube,
+            size,
+            progress,
+            reserved: 0,
+            offset: 0,
+            pages: Vec::new(),
+            sums: Sums::NONE,
+        };
+        // The header's facts are known at the end, but it stands first: keep its place free.
+        let mut draft = Vec::new();
+        let length = header::write(&mut draft, gmp::NAME, gmp::VERSION, &builder.facts(&[], &[]))
+            .map_err(Error::io(growing, "writing the header"))?;
+        builder.reserved = (length + HEADER_SLACK).next_multiple_of(HEADER_SLACK);
+        let blank = vec![0; builder.reserved];
+        builder.put(&blank, "the header")?;
+        Ok(builder)
+    }
+
+    fn put(&mut self, bytes: &[u8], what: &str) -> Result<(), Error> {
+        let (growing, at) = (self.growing, self.reserved as u64 + self.offset);
+        self.out.write_all(bytes).map_err(|e| {
+            let doing = format!("writing {what}, {} bytes at byte {at}", bytes.len());
+            Error::io(growing, doing)(e)
+        })
+    }
+
+    fn facts(&self, nodes: &[gmp::Node], directory: &[u8]) -> Facts {
+        let layout = Layout {
+            cube: self.cube,
+            page_photons: self.size.page_photons as u32,
+            pages: self.pages.len() as u64,
+            nodes: nodes.len() as u64,
+            pages_bytes: self.offset,
+            directory_bytes: directory.len() as u64,
+            directory_crc32c: crc32c(directory),
+        };
+        Facts::new(self.about, &self.sums, layout)
+    }
+
+    /// Writes all photons of a cell, whose buckets lie in `dir`.
+    fn cell(&mut self, dir: &Path, buckets: &[Bucket], cell: (u32, u64)) -> Result<(), Error> {
+        let count = |first, last| {
+            let start = buckets.partition_point(|b| b.codes().0 < first);
+            let inside = buckets[start..].iter().take_while(|b| b.codes().1 <= last);
+            inside.map(|b| b.photons).sum()
+        };
+        let deepest = cell.0 + SPLIT_LEVELS.min(LEVELS - cell.0);
+        let mut leaves = Vec::new();
+        cut(cell, deepest, self.size.page_photons as u64, &count, &mut leaves);
+
+        let mut batch: Vec<Unit> = Vec::new();
+        let mut batched = 0;
+        let mut next = 0;
+        for leaf in leaves {
+            let start = next;
+            while buckets.get(next).is_some_and(|b| b.codes().1 <= leaf.last) {
+                next += 1;
+            }
+            if batched + leaf.photons > self.size.batch_photons {
+                self.batch(dir, buckets, &std::mem::take(&mut batch))?;
+                batched = 0;
+            }
+            let open = leaf.photons > self.size.page_photons as u64;
+            if open && leaf.photons > self.size.batch_photons {
+                self.large(dir, &buckets[start])?;
+            } else {
+                batched += leaf.photons;
+                batch.push(Unit { buckets: start..next, leaf });
+            }
+        }
+        self.batch(dir, buckets, &batch)
+    }
+
+    /// Writes a bucket that doesn't fit into memory: parts it again, or, where it can't be cut any
+    /// further, merges sorted runs.
+    fn large(&mut self, dir: &Path, bucket: &Bucket) -> Result<(), Error> {
+        let split = dir.join(format!("{SPLIT_PREFIX}{:02}-{:x}", bucket.level, bucket.cell));
+        let about = self.about;
+        if bucket.level < LEVELS {
+            let cell = (bucket.level, bucket.cell);
+            let (cube, buffer) = (self.cube, self.size.buffer_bytes);
+            let mut parting = Parting::create(&split, cube, cell, bucket.photons, buffer)?;
+            bucket.read(dir, |photon| {
+                check(photon, about)?;
+                parting.push(photon)
+            })?;
+            let buckets = parting.finish()?;
+            self.cell(&split, &buckets, cell)?;
+            return discard(&split);
+        }
+        let limit = self.size.batch_photons as usize;
+        let mut merged = Merged::read(dir, bucket, &split, limit, |p| check(p, about))?;
+        let (first, last) = bucket.codes();
+        let pages = (limit / self.size.page_photons).clamp(1, 64);
+        loop {
+            let mut some = Vec::new();
+            for _ in 0..pages {
+                some.push(merged.take(self.size.page_photons)?);
+            }
+            some.retain(|photons| !photons.is_empty());
+            if some.is_empty() {
+                break;
+            }
+            let jobs = some.iter().map(|p| Job { photons: p.iter(), first, last }).collect();
+            self.encode(jobs)?;
+        }
+        drop(merged);
+        fs::remove_dir_all(&split).map_err(Error::io(&split, "removing sorted runs"))
+    }
+
+    fn batch(&mut self, dir: &Path, buckets: &[Bucket], units: &[Unit]) -> Result<(), Error> {
+        if units.is_empty() {
+            return Ok(());
+        }
+        let (about, cube) = (self.about, &self.cube);
+        let sorted: Vec<Sorted> = units
+            .par_iter()
+            .map(|u| Sorted::read(dir, &buckets[u.buckets.clone()], cube, |p| check(p, about)))
+            .collect::<Result<_, _>>()?;
+        let capacity = self.size.page_photons;
+        let mut jobs = Vec::new();
+        for (unit, sorted) in units.iter().zip(&sorted) {
+            let mut leaves = Vec::new();
+            if unit.leaf.photons <= capacity as u64 {
+                leaves.push(unit.leaf);
+            } else {
+                let bucket = &buckets[unit.buckets.start];
+                let count = |first, last| sorted.count(first, last);
+                cut((bucket.level, bucket.cell), LEVELS, capacity as u64, &count, &mut leaves);
+            }
+            let mut start = 0;
+            for leaf in leaves {
+                let end = start + leaf.photons as usize;
+                while start < end {
+                    let stop = end.min(start + capacity);
+                    let photons = sorted.photons(start, stop);
+                    jobs.push(Job { photons, first: leaf.first, last: leaf.last });
+                    start = stop;
+                }
+            }
+        }
+        self.encode(jobs)
+    }
+
+    /// Compresses pages on all cores and writes them in order.
+    fn encode<'p, I>(&mut self, jobs: Vec<Job<I>>) -> Result<(), Error>
+    where
+        I: ExactSizeIterator<Item = &'p Photon> + Clone + Send,
+    {
+        let encoded: Vec<Encoded> = jobs
+            .into_par_iter()
+            .map_init(gmp::Encoder::new, |encoder, job| {
+                let encoder = match encoder {
+                    Ok(encoder) => encoder,
+                    Err(_) => &mut gmp::Encoder::new()?,
+                };
+                let columns = page::columns(job.photons.clone());
+                let sums = page::sums(&columns, job.photons);
+                let bytes = encoder.page(&columns)?;
+                Ok(Encoded { bytes, sums, first: job.first, last: job.last })
+            })
+            .collect::<Result<_, Error>>()?;
+        for page in encoded {
+            self.put(&page.bytes, "a page")?;
+            self.pages.push(gmp::PageEntry {
+                min: page.sums.bounds.min.to_array(),
+                max: page.sums.bounds.max.to_array(),
+                first_photon: self.sums.photons,
+                offset: self.offset,
+                length: page.bytes.len() as u32,
+                photons: page.sums.photons as u32,
+                first_cell: page.first,
+                last_cell: page.last,
+                checksum: u32::from_le_bytes(page.bytes[..4].try_into().unwrap_or_default()),
+                reserved: 0,
+            });
+            self.offset += page.bytes.len() as u64;
+            self.sums.add(&page.sums);
+            self.progress.advance(page.sums.photons);
+        }
+        Ok(self.progress.check()?)
+    }
+
+    fn finish(mut self, store: &Path) -> Result<StoreSummary, Error> {
+        let nodes = nodes(&self.pages);
+        let directory = gmp::encode_directory(&nodes, &self.pages)?;
+        self.put(&directory, "the directory")?;
+        let facts = self.facts(&nodes, &directory);
+        let mut head = Vec::new();
+        let reserved = self.reserved;
+        let (growing, pages) = (self.growing, self.pages.len() as u64);
+        let doing = || Error::io(growing, format!("writing the header, {reserved} bytes"));
+        let length = header::write_padded(&mut head, gmp::NAME, gmp::VERSION, &facts, reserved)
+            .map_err(doing())?;
+        if length != reserved {
+            let what = format!("header of {length} bytes, {reserved} reserved");
+            return Err(doing()(std::io::Error::other(what)));
+        }
+        self.out
+            .seek(SeekFrom::Start(0))
+            .and_then(|_| self.out.write_all(&head))
+            .and_then(|()| self.out.flush())
+            .and_then(|()| seal::seal(self.out.get_ref(), growing, store))
+            .map_err(doing())?;
+        Ok(StoreSummary {
+            photons: self.sums.photons,
+            pages,
+            bytes: reserved as u64 + self.offset + directory.len() as u64,
+            flux_w: self.sums.flux_w,
+        })
+    }
+}
+
+fn check(photon: &Photon, about: &About) -> Result<(), Error> {
+    if photon.timestep < about.timesteps && usize::from(photon.surface) < about.surfaces.len() {
+        return Ok(());
+    }
+    Err(Error::Photon {
+        timestep: photon.timestep,
+        surface: photon.surface,
+        timesteps: about.timesteps,
+        surfaces: about.surfaces.len(),
+    })
+}
+
+/// Where a spill for a store lies while it is made: beside it.
+pub fn spill_dir(store: &Path) -> PathBuf {
+    let mut name = store.as_os_str().to_owned();
+    name.push(".spill");
+    PathBuf::from(name)
+}

@@ -1,0 +1,189 @@
+//! Pages that were read lately, weighed in bytes.
+
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+
+use super::page::Page;
+
+/// A shard holds a dozen pages at least; with less there is one shard.
+const SHARD_BYTES: u64 = 4 << 20;
+const SHARDS_MAX: u64 = 16;
+const NONE: u32 = u32::MAX;
+
+/// What the cache did since the store was opened.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize)]
+pub struct CacheStats {
+    /// Pages that were there.
+    pub hits: u64,
+    /// Pages that had to be read.
+    pub misses: u64,
+    /// Pages that made room for others.
+    pub evictions: u64,
+    /// Bytes of pages that were read, decompressed.
+    pub decompressed_bytes: u64,
+}
+
+/// Least recently used pages make room. Shards, each with a lock of its own, so that readers
+/// don't wait for each other; reading a page happens outside of the locks.
+pub(super) struct Cache {
+    shards: Vec<Mutex<Shard>>,
+    shard_bytes: usize,
+    hits: AtomicU64,
+    misses: AtomicU64,
+    evictions: AtomicU64,
+    decompressed_bytes: AtomicU64,
+}
+
+impl Cache {
+    pub fn new(bytes: u64, pages: usize) -> Self {
+        let shards = (bytes / SHARD_BYTES).clamp(1, SHARDS_MAX);
+        let slots = pages.div_ceil(shards as usize);
+        let shard = || Mutex::new(Shard::new(slots));
+        Self {
+            shards: (0..shards).map(|_| shard()).collect(),
+            shard_bytes: usize::try_from(bytes / shards).unwrap_or(usize::MAX),
+            hits: AtomicU64::new(0),
+            misses: AtomicU64::new(0),
+            evictions: AtomicU64::new(0),
+            decompressed_bytes: AtomicU64::new(0),
+        }
+    }
+
+    /// The page `number`, from `read` if it isn't there.
+    pub fn get<E>(
+        &self,
+        number: usize,
+        read: impl FnOnce() -> Result<Page, E>,
+    ) -> Result<Arc<Page>, E> {
+        let shards = self.shards.len();
+        let (shard, slot) = (number % shards, number / shards);
+        if let Some(page) = self.lock(shard).touch(slot) {
+            self.hits.fetch_add(1, Ordering::Relaxed);
+            return Ok(page);
+        }
+        let page = Arc::new(read()?);
+        let bytes = page.bytes();
+        self.misses.fetch_add(1, Ordering::Relaxed);
+        self.decompressed_bytes.fetch_add(bytes as u64, Ordering::Relaxed);
+        // A page larger than the budget is used and dropped.
+        if bytes <= self.shard_bytes {
+            let evicted = self.lock(shard).insert(slot, &page, bytes, self.shard_bytes);
+            self.evictions.fetch_add(evicted, Ordering::Relaxed);
+        }
+        Ok(page)
+    }
+
+    pub fn stats(&self) -> CacheStats {
+        CacheStats {
+            hits: self.hits.load(Ordering::Relaxed),
+            misses: self.misses.load(Ordering::Relaxed),
+            evictions: self.evictions.load(Ordering::Relaxed),
+            decompressed_bytes: self.decompressed_bytes.load(Ordering::Relaxed),
+        }
+    }
+
+    fn lock(&self, shard: usize) -> MutexGuard<'_, Shard> {
+        // A shard is whole between its methods; a panic elsewhere doesn't spoil it.
+        self.shards[shard].lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+/// A doubly linked list through entries, and where each page's entry is.
+struct Shard {
+    entry_of: Vec<u32>,
+    entries: Vec<Entry>,
+    free: Vec<u32>,
+    newest: u32,
+    oldest: u32,
+    bytes: usize,
+}
+
+struct Entry {
+    slot: usize,
+    page: Option<Arc<Page>>,
+    bytes: usize,
+    newer: u32,
+    older: u32,
+}
+
+impl Shard {
+    fn new(slots: usize) -> Self {
+        Self {
+            entry_of: vec![NONE; slots],
+            entries: Vec::new(),
+            free: Vec::new(),
+            newest: NONE,
+            oldest: NONE,
+            bytes: 0,
+        }
+    }
+
+    fn touch(&mut self, slot: usize) -> Option<Arc<Page>> {
+        let at = self.entry_of[slot];
+        if at == NONE {
+            return None;
+        }
+        if at != self.newest {
+            self.unlink(at);
+            self.link(at);
+        }
+        self.entries[at as usize].page.clone()
+    }
+
+    /// Returns how many pages had to go.
+    fn insert(&mut self, slot: usize, page: &Arc<Page>, bytes: usize, budget: usize) -> u64 {
+        // Another thread may have read it in the meantime.
+        if self.touch(slot).is_some() {
+            return 0;
+        }
+        let mut evicted = 0;
+        while self.bytes + bytes > budget && self.oldest != NONE {
+            let at = self.oldest;
+            self.unlink(at);
+            let entry = &mut self.entries[at as usize];
+            entry.page = None;
+            self.bytes -= entry.bytes;
+            self.entry_of[entry.slot] = NONE;
+            self.free.push(at);
+            evicted += 1;
+        }
+        let entry = Entry { slot, page: Some(Arc::clone(page)), bytes, newer: NONE, older: NONE };
+        let at = match self.free.pop() {
+            Some(at) => {
+                self.entries[at as usize] = entry;
+                at
+            }
+            None => {
+                self.entries.push(entry);
+                self.entries.len() as u32 - 1
+            }
+        };
+        self.entry_of[slot] = at;
+        self.bytes += bytes;
+        self.link(at);
+        evicted
+    }
+
+    fn unlink(&mut self, at: u32) {
+        let Entry { newer, older, .. } = self.entries[at as usize];
+        match newer {
+            NONE => self.newest = older,
+            _ => self.entries[newer as usize].older = older,
+        }
+        match older {
+            NONE => self.oldest = newer,
+            _ => self.entries[older as usize].newer = newer,
+        }
+    }
+
+    fn link(&mut self, at: u32) {
+        let older = self.newest;
+        let entry = &mut self.entries[at as usize];
+        (entry.newer, entry.older) = (NONE, older);
+        match older {
+            NONE => self.oldest = at,
+            _ => self.entries[older as usize].newer = at,
+        }
+        self.newest = at;
+    }
+}

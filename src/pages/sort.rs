@@ -1,0 +1,175 @@
+//! Photons in their order: by Morton code, then by everything that tells them apart. So the order
+//! in which they came, and the parting of the work, leave no trace in the store.
+
+use std::cmp::Ordering;
+use std::fs::{self, File};
+use std::io::{BufReader, BufWriter, Read, Write};
+use std::path::{Path, PathBuf};
+
+use rayon::prelude::*;
+
+use super::Error;
+use super::morton::Cube;
+use super::spill::{Bucket, RECORD_BYTES, photon, record};
+use crate::base::Photon;
+
+/// Photons of some neighbouring buckets, sorted.
+pub(super) struct Sorted {
+    photons: Vec<Photon>,
+    keys: Vec<(u64, u32)>,
+}
+
+impl Sorted {
+    /// Reads and sorts buckets; `check` sees every photon. At most 2^32 photons.
+    pub fn read(
+        dir: &Path,
+        buckets: &[Bucket],
+        cube: &Cube,
+        check: impl Fn(&Photon) -> Result<(), Error>,
+    ) -> Result<Self, Error> {
+        let total: u64 = buckets.iter().map(|b| b.photons).sum();
+        // Not more than the files' lengths allow, which `read` checks before it delivers.
+        let mut photons = Vec::with_capacity(total.min(1 << 20) as usize);
+        for bucket in buckets {
+            bucket.read(dir, |photon| {
+                check(photon)?;
+                photons.push(*photon);
+                Ok(())
+            })?;
+        }
+        let mut keys: Vec<(u64, u32)> =
+            photons.iter().zip(0..).map(|(p, i)| (cube.code(p.position), i)).collect();
+        keys.par_sort_unstable_by(|a, b| {
+            a.0.cmp(&b.0).then_with(|| content(&photons[a.1 as usize], &photons[b.1 as usize]))
+        });
+        Ok(Self { photons, keys })
+    }
+
+    /// Number of photons with codes from `first` to `last`.
+    pub fn count(&self, first: u64, last: u64) -> u64 {
+        let start = self.keys.partition_point(|k| k.0 < first);
+        let end = self.keys.partition_point(|k| k.0 <= last);
+        (end - start) as u64
+    }
+
+    /// Photons `start..end` in order.
+    pub fn photons(
+        &self,
+        start: usize,
+        end: usize,
+    ) -> impl ExactSizeIterator<Item = &Photon> + Clone {
+        self.keys[start..end].iter().map(|k| &self.photons[k.1 as usize])
+    }
+}
+
+/// The order of photons in one cell. Position first: where millions lie in a cell that can't be
+/// cut further, their pages are slabs that a search can tell apart.
+pub(super) fn content(a: &Photon, b: &Photon) -> Ordering {
+    let vectors = |p: &Photon| [p.normal, p.direction].map(|v| v.to_array());
+    let floats = |a: [f32; 3], b: [f32; 3]| {
+        a.iter().zip(&b).map(|(x, y)| x.total_cmp(y)).find(|o| o.is_ne()).unwrap_or(Ordering::Equal)
+    };
+    floats(a.position.to_array(), b.position.to_array())
+        .then_with(|| a.timestep.cmp(&b.timestep))
+        .then_with(|| a.surface.cmp(&b.surface))
+        .then_with(|| a.flux_w.total_cmp(&b.flux_w))
+        .then_with(|| {
+            let (a, b) = (vectors(a), vectors(b));
+            floats(a[0], b[0]).then_with(|| floats(a[1], b[1]))
+        })
+}
+
+/// Photons of one cell that are too many for memory and can't be parted by place any more:
+/// sorted in runs on disk, which are merged as they are read.
+pub(super) struct Merged {
+    runs: Vec<Run>,
+    left: u64,
+}
+
+struct Run {
+    path: PathBuf,
+    file: BufReader<File>,
+    next: Option<Photon>,
+    left: u64,
+}
+
+impl Merged {
+    /// Sorts the photons of `bucket` in runs of `limit`; the runs go into `dir`.
+    pub fn read(
+        from: &Path,
+        bucket: &Bucket,
+        dir: &Path,
+        limit: usize,
+        check: impl Fn(&Photon) -> Result<(), Error>,
+    ) -> Result<Self, Error> {
+        fs::create_dir_all(dir).map_err(Error::io(dir, "making the folder"))?;
+        let mut run = Vec::new();
+        let mut runs = Vec::new();
+        let mut spill = |run: &mut Vec<Photon>| -> Result<(), Error> {
+            run.par_sort_unstable_by(content);
+            let path = dir.join(format!("run-{}", runs.len()));
+            let doing =
+                format!("writing {} photons, {} bytes", run.len(), run.len() * RECORD_BYTES);
+            let write = || {
+                let mut out = BufWriter::new(File::create(&path)?);
+                let mut bytes = Vec::with_capacity(RECORD_BYTES);
+                for photon in run.iter() {
+                    bytes.clear();
+                    record(photon, &mut bytes);
+                    out.write_all(&bytes)?;
+                }
+                out.flush()?;
+                File::open(&path)
+            };
+            let file = BufReader::new(write().map_err(Error::io(&path, doing))?);
+            let mut new = Run { path, file, next: None, left: run.len() as u64 };
+            new.advance()?;
+            runs.push(new);
+            run.clear();
+            Ok(())
+        };
+        bucket.read(from, |photon| {
+            check(photon)?;
+            run.push(*photon);
+            if run.len() >= limit { spill(&mut run) } else { Ok(()) }
+        })?;
+        if !run.is_empty() {
+            spill(&mut run)?;
+        }
+        Ok(Self { runs, left: bucket.photons })
+    }
+
+    /// The next photons in order, at most `count`; none at the end.
+    pub fn take(&mut self, count: usize) -> Result<Vec<Photon>, Error> {
+        let mut out = Vec::with_capacity(self.left.min(count as u64) as usize);
+        while out.len() < count {
+            let least =
+                self.runs.iter_mut().filter(|run| run.next.is_some()).min_by(|a, b| {
+                    match (&a.next, &b.next) {
+                        (Some(a), Some(b)) => content(a, b),
+                        _ => Ordering::Equal,
+                    }
+                });
+            let Some(run) = least else { break };
+            out.extend(run.next);
+            run.advance()?;
+        }
+        self.left -= out.len() as u64;
+        Ok(out)
+    }
+}
+
+impl Run {
+    fn advance(&mut self) -> Result<(), Error> {
+        self.next = None;
+        if self.left > 0 {
+            let mut bytes = [0; RECORD_BYTES];
+            self.file
+                .read_exact(&mut bytes)
+                .map_err(Error::io(&self.path, "reading photons back"))?;
+            self.next = Some(photon(&bytes));
+            self.left -= 1;
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,381 @@
+//! The store as others see it: open, ask, go through all of it.
+
+use std::cell::RefCell;
+use std::fs::File;
+use std::io::{self, BufReader};
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use glam::Vec3;
+use glintmap_formats::checksum::crc32c;
+use glintmap_formats::gmp::{self, Node, PageEntry};
+use glintmap_formats::header;
+use rayon::prelude::*;
+
+use super::Error;
+use super::cache::{Cache, CacheStats};
+use super::facts::{Facts, StoreInfo, max_radius_m};
+use super::mapped::{Access, Bytes};
+use super::page::Page;
+use super::tree::{node_box, page_box};
+use crate::base::{Aabb, Photon, limits};
+
+/// How to open a store.
+#[derive(Clone, Copy, Debug)]
+pub struct OpenOptions {
+    /// What decompressed pages may take in memory, bytes.
+    pub cache_bytes: u64,
+    /// How the file is read.
+    pub access: Access,
+}
+
+/// A sealed photon store. Answers depend on the file alone, never on cache or threads.
+pub struct Store {
+    path: PathBuf,
+    pub(super) facts: Facts,
+    info: StoreInfo,
+    bytes: Bytes,
+    head: u64,
+    pub(super) nodes: Vec<Node>,
+    pub(super) pages: Vec<PageEntry>,
+    cache: Cache,
+}
+
+impl Store {
+    /// Opens a store: reads header and directory, and checks that everything they say is
+    /// possible.
+    ///
+    /// # Errors
+    /// [`Error::Header`], [`Error::Damaged`] with the byte, or what the file system says.
+    pub fn open(path: &Path, options: &OpenOptions) -> Result<Self, Error> {
+        let file = File::open(path).map_err(Error::io(path, "opening"))?;
+        let (facts, head): (Facts, usize) =
+            header::read(&mut BufReader::new(&file), gmp::NAME, gmp::VERSION)
+                .map_err(|source| Error::Header { path: path.to_owned(), source })?;
+        let head = head as u64;
+        let layout = facts.layout;
+        let length = file.metadata().map_err(Error::io(path, "asking its length"))?.len();
+        let damaged = |byte, part: &str, what: String| Error::Damaged {
+            path: path.to_owned(),
+            byte,
+            part: part.to_owned(),
+            what,
+            stage: "pages",
+        };
+        let expected = head
+            .checked_add(layout.pages_bytes)
+            .and_then(|n| n.checked_add(layout.directory_bytes));
+        if expected != Some(length) {
+            let expected = expected.map_or("more than 2^64".to_owned(), |n| n.to_string());
+            return Err(damaged(
+                length,
+                "end of file",
+                format!("{expected} bytes expected, found {length}"),
+            ));
+        }
+        check_facts(&facts).map_err(|what| damaged(0, "header", what))?;
+
+        let bytes = Bytes::new(file, options.access).map_err(Error::io(path, "mapping"))?;
+        let at = head + layout.pages_bytes;
+        let directory = bytes
+            .range(at, layout.directory_bytes as usize)
+            .map_err(Error::io(path, "reading the directory"))?;
+        let sum = crc32c(&directory);
+        if sum != layout.directory_crc32c {
+            let what =
+                format!("checksum {:08x} expected, found {sum:08x}", layout.directory_crc32c);
+            return Err(damaged(at, "directory", what));
+        }
+        let (nodes, pages) = gmp::decode_directory(&directory, layout.nodes, layout.pages)
+            .map_err(|e| damaged(at, "directory", e.to_string()))?;
+        drop(directory);
+        check_pages(&pages, &facts).map_err(|(i, what)| {
+            let byte = at + (nodes.len() * gmp::NODE_BYTES + i * gmp::ENTRY_BYTES) as u64;
+            damaged(byte, &format!("directory, page {i}"), what)
+        })?;
+        check_nodes(&nodes, &pages).map_err(|(i, what)| {
+            damaged(at + (i * gmp::NODE_BYTES) as u64, &format!("directory, node {i}"), what)
+        })?;
+        let cache = Cache::new(options.cache_bytes, pages.len());
+        Ok(Self {
+            path: path.to_owned(),
+            info: facts.info(),
+            facts,
+            bytes,
+            head,
+            nodes,
+            pages,
+            cache,
+        })
+    }
+
+    /// What the header says.
+    pub fn info(&self) -> &StoreInfo {
+        &self.info
+    }
+
+    /// How far a search for `bandwidth` photons goes at most, metres:
+    /// [`RADIUS_RULE`](super::RADIUS_RULE).
+    pub fn max_radius_m(&self, bandwidth: usize) -> f32 {
+        max_radius_m(self.info.area_m2_per_photon, bandwidth)
+    }
+
+    /// What the cache did so far.
+    pub fn cache_stats(&self) -> CacheStats {
+        self.cache.stats()
+    }
+
+    /// Calls `each` with index and photon for all photons in `region` (borders included), in
+    /// store order.
+    ///
+    /// # Errors
+    /// [`Error::Damaged`] where a page doesn't hold what it promises.
+    pub fn in_box(&self, region: Aabb, mut each: impl FnMut(u64, &Photon)) -> Result<(), Error> {
+        let apart = |b: Aabb| b.min.cmpgt(region.max).any() || b.max.cmplt(region.min).any();
+        let mut stack = if self.nodes.is_empty() { vec![] } else { vec![0] };
+        while let Some(number) = stack.pop() {
+            let node = &self.nodes[number];
+            if apart(node_box(node)) {
+                continue;
+            }
+            let first = node.first_child as usize;
+            stack.extend((first..first + node.children as usize).rev());
+            if node.children > 0 {
+                continue;
+            }
+            let first = node.first_page as usize;
+            for number in first..first + node.pages as usize {
+                if apart(page_box(&self.pages[number])) {
+                    continue;
+                }
+                let page = self.page(number)?;
+                for i in 0..page.photons {
+                    if region.contains(Vec3::new(page.x[i], page.y[i], page.z[i])) {
+                        each(self.pages[number].first_photon + i as u64, &page.photon(i));
+                    }
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// Calls `each` with index and photon for all photons in store order. Goes past the cache.
+    ///
+    /// # Errors
+    /// [`Error::Damaged`] where a page doesn't hold what it promises.
+    pub fn scan(&self, mut each: impl FnMut(u64, &Photon)) -> Result<(), Error> {
+        let together = 4 * rayon::current_num_threads();
+        for start in (0..self.pages.len()).step_by(together) {
+            let range = start..self.pages.len().min(start + together);
+            let pages: Vec<Page> =
+                range.clone().into_par_iter().map(|n| self.read(n)).collect::<Result<_, _>>()?;
+            for (number, page) in range.zip(&pages) {
+                for i in 0..page.photons {
+                    each(self.pages[number].first_photon + i as u64, &page.photon(i));
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// A page, from the cache or the file.
+    pub(super) fn page(&self, number: usize) -> Result<Arc<Page>, Error> {
+        self.cache.get(number, || self.read(number))
+    }
+
+    /// Reads and checks a page.
+    pub(super) fn read(&self, number: usize) -> Result<Page, Error> {
+        thread_local! {
+            // A decoder is a buffer and zstd's context: kept for each thread, because fresh
+            // memory costs more than decompression.
+            static DECODER: RefCell<Option<gmp::Decoder>> = const { RefCell::new(None) };
+        }
+        let entry = &self.pages[number];
+        let bytes = self.bytes.range(self.head + entry.offset, entry.length as usize);
+        let bytes = match bytes {
+            Ok(bytes) => bytes,
+            Err(e) if e.kind() == io::ErrorKind::UnexpectedEof => {
+                return Err(self.damaged(number, "the file ends inside it".to_owned()));
+            }
+            Err(e) => return Err(Error::io(&self.path, format!("reading page {number}"))(e)),
+        };
+        let columns = DECODER.with_borrow_mut(|decoder| {
+            let decoder = match decoder {
+                Some(decoder) => decoder,
+                None => decoder.insert(gmp::Decoder::new()?),
+            };
+            decoder.page(&bytes)
+        });
+        let columns = columns.map_err(|e| self.damaged(number, e.to_string()))?;
+        // The decoder held the content against the page's own checksum.
+        if bytes[..4] != entry.checksum.to_le_bytes() {
+            let what = format!("field `checksum`: the directory has {:08x}", entry.checksum);
+            return Err(self.damaged(number, what));
+        }
+        let page = Page::new(&columns);
+        if page.photons != entry.photons as usize {
+            let what = format!("{} photons, the directory has {}", page.photons, entry.photons);
+            return Err(self.damaged(number, what));
+        }
+        if page.bounds() != page_box(entry) {
+            let what = format!(
+                "its photons fill {:?}, the directory has {:?}",
+                page.bounds(),
+                page_box(entry)
+            );
+            return Err(self.damaged(number, what));
+        }
+        for light in &page.light {
+            let known = light.timestep < self.facts.timesteps
+                && usize::from(light.surface) < self.facts.surfaces.len();
+            if !known {
+                let what = format!(
+                    "a photon of timestep {} and PV surface {}, the header has {} and {}",
+                    light.timestep,
+                    light.surface,
+                    self.facts.timesteps,
+                    self.facts.surfaces.len()
+                );
+                return Err(self.damaged(number, what));
+            }
+        }
+        Ok(page)
+    }
+
+    fn damaged(&self, number: usize, what: String) -> Error {
+        Error::Damaged {
+            path: self.path.clone(),
+            byte: self.head + self.pages[number].offset,
+            part: format!("page {number} of {}", self.pages.len()),
+            what,
+            stage: "pages",
+        }
+    }
+}
+
+fn check_facts(facts: &Facts) -> Result<(), String> {
+    let layout = &facts.layout;
+    if facts.photons > limits::MAX_PHOTONS {
+        return Err(format!("{} photons, at most {}", facts.photons, limits::MAX_PHOTONS));
+    }
+    if facts.timesteps as usize > limits::MAX_TIMESTEPS {
+        return Err(format!("{} timesteps, at most {}", facts.timesteps, limits::MAX_TIMESTEPS));
+    }
+    if facts.surfaces.len() > limits::MAX_PV_SURFACES {
+        return Err(format!("{} PV surfaces", facts.surfaces.len()));
+    }
+    if layout.page_photons == 0 || layout.page_photons as usize > gmp::PAGE_PHOTONS_MAX {
+        return Err(format!("pages of {} photons", layout.page_photons));
+    }
+    if !layout.cube.is_sound() {
+        return Err(format!("cube {:?}", layout.cube));
+    }
+    let area = facts.search.area_m2_per_photon;
+    if !(area.is_finite() && area >= 0.0) {
+        return Err(format!("area_m2_per_photon {area}"));
+    }
+    Ok(())
+}
+
+fn check_pages(pages: &[PageEntry], facts: &Facts) -> Result<(), (usize, String)> {
+    let (mut offset, mut photons, mut cell) = (0u64, 0u64, 0u64);
+    for (i, page) in pages.iter().enumerate() {
+        let wrong = |what: String| Err((i, what));
+        if page.offset != offset || page.first_photon != photons {
+            return wrong(format!(
+                "offset {} and first photon {}, expected {offset} and {photons}",
+                page.offset, page.first_photon
+            ));
+        }
+        if page.photons == 0 || page.photons > facts.layout.page_photons {
+            return wrong(format!(
+                "{} photons, at most {}",
+                page.photons, facts.layout.page_photons
+            ));
+        }
+        // Strictly behind the page before, unless both are one chain in one cell.
+        let chained = i > 0
+            && pages[i - 1].first_cell == page.first_cell
+            && page.first_cell == page.last_cell;
+        if page.first_cell < cell && !chained
+            || page.first_cell > page.last_cell
+            || page.last_cell >> 63 != 0
+        {
+            return wrong(format!(
+                "cells {:x} to {:x} out of order",
+                page.first_cell, page.last_cell
+            ));
+        }
+        let bounds = page_box(page);
+        if !bounds.min.is_finite() || !bounds.max.is_finite() || bounds.is_empty() {
+            return wrong(format!("box {bounds:?}"));
+        }
+        if page.reserved != 0 {
+            return wrong(format!("reserved is {}", page.reserved));
+        }
+        // Bounded by the file's length: the sums are compared below.
+        offset = offset.saturating_add(u64::from(page.length));
+        photons += u64::from(page.photons);
+        cell = page.last_cell + 1;
+    }
+    if offset != facts.layout.pages_bytes || photons != facts.photons {
+        let what = format!(
+            "all pages: {offset} bytes and {photons} photons, the header has {} and {}",
+            facts.layout.pages_bytes, facts.photons
+        );
+        return Err((pages.len(), what));
+    }
+    Ok(())
+}
+
+/// Every node but the root is the child of one node before it, children part their parent's
+/// pages, boxes hold what is below: a walk from the root ends, and misses nothing.
+fn check_nodes(nodes: &[Node], pages: &[PageEntry]) -> Result<(), (usize, String)> {
+    if nodes.is_empty() != pages.is_empty() {
+        return Err((0, format!("{} nodes for {} pages", nodes.len(), pages.len())));
+    }
+    let mut next_child = 1u64;
+    for (i, node) in nodes.iter().enumerate() {
+        let wrong = |what: String| Err((i, what));
+        let end = u64::from(node.first_page) + u64::from(node.pages);
+        if node.pages == 0 || end > pages.len() as u64 {
+            return wrong(format!("pages {} to {end} of {}", node.first_page, pages.len()));
+        }
+        if i == 0 && (node.first_page, u64::from(node.pages)) != (0, pages.len() as u64) {
+            return wrong("the root doesn't cover all pages".to_owned());
+        }
+        let below = if node.children == 0 {
+            if node.first_child != 0 {
+                return wrong("a leaf with a first child".to_owned());
+            }
+            let range = node.first_page as usize..end as usize;
+            pages[range].iter().fold(Aabb::EMPTY, |all, page| all.union(page_box(page)))
+        } else {
+            let first = u64::from(node.first_child);
+            let last = first + u64::from(node.children);
+            if first != next_child || first <= i as u64 || last > nodes.len() as u64 {
+                return wrong(format!("children {first} to {last} of {}", nodes.len()));
+            }
+            next_child = last;
+            let children = &nodes[first as usize..last as usize];
+            let mut page = u64::from(node.first_page);
+            for child in children {
+                if u64::from(child.first_page) != page {
+                    return wrong("its children don't part its pages".to_owned());
+                }
+                page += u64::from(child.pages);
+            }
+            if page != end {
+                return wrong("its children don't part its pages".to_owned());
+            }
+            children.iter().fold(Aabb::EMPTY, |all, child| all.union(node_box(child)))
+        };
+        if below != node_box(node) {
+            return wrong(format!("box {:?}, below are {below:?}", node_box(node)));
+        }
+    }
+    if next_child != nodes.len().max(1) as u64 {
+        return Err((next_child as usize, "a node without a parent".to_owned()));
+    }
+    Ok(())
+}

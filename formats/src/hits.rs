@@ -294,7 +294,7 @@ mod tests {
         Record {
             position_m: [v, -v, 0.5],
             normal: [0.0, 0.6, 0.8],
-            object: if i % 3 == 0 { u32::MAX } else { 7 },
+            object: if i.is_multiple_of(3) { u32::MAX } else { 7 },
             face: i as u32,
             pv_distance_m: v.abs(),
             kind: (i % KINDS.len()) as u8,
@@ -320,6 +320,7 @@ mod tests {
             assert_eq!((facts.columns, facts.rows), (columns, rows));
             assert_eq!(found, (0..columns * rows).map(sample).collect::<Vec<_>>());
             assert_eq!(verify(&path).expect("reads"), Vec::<String>::new());
+            std::fs::remove_file(&path).expect("removes");
         }
     }
 
@@ -342,7 +343,8 @@ mod tests {
             cell.trim_matches('`').trim_end_matches(" n").parse().expect("a number")
         };
         let (columns, rows) = (3, 70);
-        let (_, bytes) = written("page", columns, rows);
+        let (path, bytes) = written("page", columns, rows);
+        std::fs::remove_file(&path).expect("removes");
         let text = String::from_utf8_lossy(&bytes[..40]).into_owned();
         let header: usize = text.split(' ').nth(3).expect("length")[..8].parse().expect("number");
         let mut at = header;
@@ -398,5 +400,6 @@ mod tests {
         long.push(0);
         std::fs::write(&path, &long).expect("writes");
         assert!(verify(&path).expect("reads")[0].contains("behind the last block"));
+        std::fs::remove_file(&path).expect("removes");
     }
 }

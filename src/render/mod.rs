@@ -19,7 +19,7 @@ mod view_options;
 
 pub use background::{background, representative_suns};
 pub use error::Error;
-pub use estimate::{Estimate, Estimator, estimate};
+pub use estimate::{Estimate, Estimator, MIN_COS, MIN_RADIUS_M, estimate};
 pub use gather::{Annual, Gather, annual};
 pub use hits::{Hit, HitKind, HitMap, hits};
 pub use series::{Quantity, SeriesSummary, series};

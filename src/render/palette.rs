@@ -17,23 +17,25 @@ const GROUND: Vec3 = Vec3::new(0.62, 0.62, 0.58);
 
 const LEAVES: Vec3 = Vec3::new(0.13, 0.23, 0.07);
 const GRASS: Vec3 = Vec3::new(0.25, 0.30, 0.15);
-const ROOF: Vec3 = Vec3::new(0.43, 0.21, 0.14);
+const ROOF: Vec3 = Vec3::new(0.40, 0.185, 0.12);
+const WOOD: Vec3 = Vec3::new(0.26, 0.17, 0.10);
+const WINDOW: Vec3 = Vec3::new(0.07, 0.09, 0.12);
 const PLASTER: Vec3 = Vec3::new(0.68, 0.63, 0.54);
 const ROAD: Vec3 = Vec3::new(0.28, 0.28, 0.29);
 const WATER: Vec3 = Vec3::new(0.10, 0.20, 0.26);
 const STONE: Vec3 = Vec3::new(0.42, 0.40, 0.36);
 
-/// What parts of a scene are called, by language and data set. Order matters: "rooftree" is rare.
-const WORDS: [(&[&str], Vec3); 6] = [
-    (
-        &["tree", "leaf", "leaves", "foliage", "hedge", "vegetation", "canopy", "crown", "baum"],
-        LEAVES,
-    ),
+/// What parts of a scene are called, by language and data set; the first that fits counts.
+const WORDS: [(&[&str], Vec3); 9] = [
+    (&["window", "glass", "pane", "fenster"], WINDOW),
+    (&["bark", "trunk", "timber", "wood", "holz"], WOOD),
+    (&["tree", "leaf", "leaves", "foliage", "hedge", "vegetation", "crown", "baum"], LEAVES),
     (&["roof", "tile", "dach"], ROOF),
-    (&["road", "street", "asphalt", "traffic", "strasse", "path"], ROAD),
+    (&["road", "street", "asphalt", "traffic", "strasse"], ROAD),
+    (&["concrete", "stone", "pavement", "plaza", "beton"], STONE),
     (&["water", "river", "lake"], WATER),
     (&["wall", "facade", "plaster", "fassade"], PLASTER),
-    (&["terrain", "ground", "grass", "meadow", "tin", "landuse", "gelaende"], GRASS),
+    (&["terrain", "ground", "grass", "meadow", "tinrelief", "landuse", "gelaende"], GRASS),
 ];
 
 /// Colours of the scene's surfaces. Colours that the materials have are kept; a scene all in grey

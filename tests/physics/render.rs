@@ -1,5 +1,7 @@
 //! Primary hits on a known scene, and irradiance from photon clouds of known mean.
 
+mod gather;
+
 use std::f64::consts::PI;
 
 use glam::{DVec3, Vec3, dvec3, vec3};

@@ -10,6 +10,9 @@ use super::window::{GROUP, Window};
 /// Rows that one thread filters at a time: enough that the rows above and below, which are
 /// filtered in time twice, don't matter.
 const STRIP_ROWS: usize = 64;
+/// Rows that are filtered along y together: their lines are then fetched from the second cache
+/// three times for four rows instead of nine for each.
+const GROUP_ROWS: usize = 4;
 /// Columns that are filtered together, so that all that is needed stays in the second cache.
 const BLOCK_COLUMNS: usize = 512;
 
@@ -187,19 +190,21 @@ impl Work<'_> {
             }
             return;
         }
-        let ring_rows = (2 * y.radius() + 1).min(window.rows);
+        let ring_rows = (2 * y.radius() + GROUP_ROWS).min(window.rows);
 
         let Scratch { slices, ring, zero, line, out } = &mut *self.scratch;
         let slices = slices.of(sees.len() * width);
+        let line_stride = (out_width.max(width) + 2 * x.radius()).next_multiple_of(8);
+        let line = line.of(GROUP_ROWS * line_stride);
+        out.resize(out_width, 0.0);
         // What is left in the ring from before is written over before it is looked at.
         let ring = ring.of(ring_rows * steps * width);
         zero.clear();
         zero.resize(ring_rows, false);
-        let line = line.of(out_width.max(width) + 2 * x.radius());
         out.resize(out_width, 0.0);
 
-        let in_time: Vec<Vec<usize>> = (self.batch.steps.clone())
-            .map(|timestep| {
+        let in_time: Vec<usize> = (self.batch.steps.clone())
+            .flat_map(|timestep| {
                 let segment = &self.batch.segment;
                 let place =
                     |index| (segment.start + reflect(index, segment.len()) - sees.start) * width;
@@ -208,10 +213,13 @@ impl Work<'_> {
             .collect();
         let across: Vec<usize> = offsets(0, x.radius(), |i| x.radius().wrapping_add_signed(i));
         let line_start = block.start as isize - x.radius() as isize;
+        let inside = seen.start.wrapping_add_signed(-line_start);
+        let line_end = block.len() + 2 * x.radius();
 
         let mut next = rows_seen.start;
-        for row in self.rows.clone() {
-            while next < rows_seen.end && next <= row + y.radius() {
+        for first in self.rows.clone().step_by(GROUP_ROWS) {
+            let rows = first..(first + GROUP_ROWS).min(self.rows.end);
+            while next < rows_seen.end && next < rows.end + y.radius() {
                 let slot = next % ring_rows;
                 let into = &mut ring[slot * steps * width..][..steps * width];
                 let seen_row = &occupied[(next - rows_seen.start) * window.groups..];
@@ -220,9 +228,14 @@ impl Work<'_> {
                         let from = &window.row(timestep, next)[seen.clone()];
                         dispatch(Widen { from, to: slice });
                     }
-                    for (offsets, out) in in_time.iter().zip(into.chunks_exact_mut(width)) {
-                        dispatch(Stencil { lines: slices, offsets, weights: t.weights(), out });
-                    }
+                    dispatch(Stencil {
+                        lines: slices,
+                        offsets: &in_time,
+                        weights: t.weights(),
+                        width,
+                        out: into,
+                        stride: width,
+                    });
                     zero[slot] = false;
                 } else if !zero[slot] {
                     into.fill(0.0);
@@ -230,31 +243,46 @@ impl Work<'_> {
                 }
                 next += 1;
             }
-            let slots = offsets(row, y.radius(), |i| reflect(i, window.rows) % ring_rows);
+            let slots: Vec<usize> = (rows.clone())
+                .flat_map(|row| offsets(row, y.radius(), |i| reflect(i, window.rows) % ring_rows))
+                .collect();
             let empty = slots.iter().all(|&slot| zero[slot]);
-            let kept_at = (row - self.rows.start) * window.columns;
+            let kept_at = (first - self.rows.start) * window.columns;
             for step in 0..steps {
-                let kept = self.kept.get_mut(step).map(|k| &mut k[kept_at..][block.clone()]);
+                let mut kept = self.kept.get_mut(step).map(|kept| &mut kept[kept_at..]);
                 if empty {
-                    if let Some(kept) = kept {
-                        kept.fill(0.0);
+                    for row in
+                        kept.iter_mut().flat_map(|k| k.chunks_mut(window.columns)).take(rows.len())
+                    {
+                        row[block.clone()].fill(0.0);
                     }
                     continue;
                 }
                 let lines: Vec<usize> =
                     slots.iter().map(|slot| (slot * steps + step) * width).collect();
-                let inside = seen.start.wrapping_add_signed(-line_start);
-                let middle = &mut line[inside..][..width];
-                let weights = y.weights();
-                dispatch(Stencil { lines: ring, offsets: &lines, weights, out: middle });
-                let line_end = block.len() + 2 * x.radius();
-                beyond_the_borders(&mut line[..line_end], line_start, &seen, window.columns);
-                let weights = x.weights();
-                dispatch(Stencil { lines: line, offsets: &across, weights, out: &mut *out });
-                let out = &out[..block.len()];
-                compare(*threshold, out, row, block.start, &mut found[step]);
-                if let Some(kept) = kept {
-                    kept.copy_from_slice(out);
+                dispatch(Stencil {
+                    lines: ring,
+                    offsets: &lines,
+                    weights: y.weights(),
+                    width,
+                    out: &mut line[inside..],
+                    stride: line_stride,
+                });
+                for (line, row) in line.chunks_exact_mut(line_stride).zip(rows.clone()) {
+                    beyond_the_borders(&mut line[..line_end], line_start, &seen, window.columns);
+                    dispatch(Stencil {
+                        lines: line,
+                        offsets: &across,
+                        weights: x.weights(),
+                        width: out_width,
+                        out: &mut out[..],
+                        stride: 0,
+                    });
+                    let out = &out[..block.len()];
+                    compare(*threshold, out, row, block.start, &mut found[step]);
+                    if let Some(kept) = &mut kept {
+                        kept[(row - first) * window.columns..][block.clone()].copy_from_slice(out);
+                    }
                 }
             }
         }

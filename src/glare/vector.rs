@@ -51,16 +51,22 @@ impl Rounded for f64 {
     }
 }
 
-/// A symmetric filter over lines that lie side by side in one buffer.
+/// A symmetric filter over lines that lie side by side in one buffer. Several results from the
+/// same lines are computed together, block by block, so that the lines come from the first cache.
 pub(super) struct Stencil<'a, T> {
     /// The buffer that holds all lines.
     pub lines: &'a [f64],
-    /// Where lines begin: the centre's, then for each distance the one before and the one after.
+    /// For each result where its lines begin: the centre's, then for each distance the one before
+    /// and the one after.
     pub offsets: &'a [usize],
     /// Weight of the centre, then of each distance.
     pub weights: &'a [f64],
-    /// One value for each position of the lines; a multiple of [`LANES`].
+    /// How many values each result has; a multiple of [`LANES`].
+    pub width: usize,
+    /// The results.
     pub out: &'a mut [T],
+    /// From the beginning of one result to that of the next.
+    pub stride: usize,
 }
 
 impl<T: Rounded> NullaryFnOnce for Stencil<'_, T> {
@@ -70,24 +76,25 @@ impl<T: Rounded> NullaryFnOnce for Stencil<'_, T> {
     /// order of SciPy's `NI_Correlate1D` for symmetric filters.
     #[inline(always)]
     fn call(self) {
-        let Self { lines, offsets, weights, out } = self;
-        let (blocks, rest) = out.as_chunks_mut::<LANES>();
-        assert!(rest.is_empty(), "the filter works on whole blocks");
-        for (number, block) in blocks.iter_mut().enumerate() {
-            let at = number * LANES;
-            let mut sums = [0.0; LANES];
-            let centre = lane(lines, offsets[0] + at);
-            for (sum, c) in sums.iter_mut().zip(centre) {
-                *sum = c * weights[0];
-            }
-            for (weight, pair) in weights[1..].iter().zip(offsets[1..].chunks_exact(2)).rev() {
-                let (before, after) = (lane(lines, pair[0] + at), lane(lines, pair[1] + at));
-                for ((sum, b), a) in sums.iter_mut().zip(before).zip(after) {
-                    *sum += (b + a) * weight;
+        let Self { lines, offsets, weights, width, out, stride } = self;
+        let taps = 2 * weights.len() - 1;
+        for at in (0..width).step_by(LANES) {
+            for (result, offsets) in offsets.chunks_exact(taps).enumerate() {
+                let mut sums = [0.0; LANES];
+                let centre = lane(lines, offsets[0] + at);
+                for (sum, c) in sums.iter_mut().zip(centre) {
+                    *sum = c * weights[0];
                 }
-            }
-            for (to, sum) in block.iter_mut().zip(sums) {
-                *to = T::rounded(sum);
+                for (weight, pair) in weights[1..].iter().zip(offsets[1..].chunks_exact(2)).rev() {
+                    let (before, after) = (lane(lines, pair[0] + at), lane(lines, pair[1] + at));
+                    for ((sum, b), a) in sums.iter_mut().zip(before).zip(after) {
+                        *sum += (b + a) * weight;
+                    }
+                }
+                let out = &mut out[result * stride + at..][..LANES];
+                for (to, sum) in out.iter_mut().zip(sums) {
+                    *to = T::rounded(sum);
+                }
             }
         }
     }
@@ -118,30 +125,31 @@ impl NullaryFnOnce for Widen<'_> {
     }
 }
 
-/// What a stretch of input holds.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) struct Content {
-    /// Anything whose bits aren't those of +0.
-    pub any: bool,
-    /// NaN or an infinity among it.
-    pub nonfinite: bool,
+/// Looks at what a row of input holds.
+pub(super) struct Look<'a> {
+    pub row: &'a [f32],
+    /// For each so many columns: whether anything there isn't +0.
+    pub occupied: &'a mut [bool],
+    pub group: usize,
 }
 
-/// Looks at what values there are.
-pub(super) struct Look<'a>(pub &'a [f32]);
-
 impl NullaryFnOnce for Look<'_> {
-    type Output = Content;
+    /// Whether there is NaN or an infinity.
+    type Output = bool;
 
     #[inline(always)]
-    fn call(self) -> Content {
-        let (mut all, mut largest) = (0_u32, 0_u32);
-        for value in self.0 {
-            let bits = value.to_bits();
-            all |= bits;
-            largest = largest.max(bits & 0x7fff_ffff);
+    fn call(self) -> bool {
+        let mut largest = 0_u32;
+        for (values, occupied) in self.row.chunks(self.group).zip(self.occupied) {
+            let mut all = 0_u32;
+            for value in values {
+                let bits = value.to_bits();
+                all |= bits;
+                largest = largest.max(bits & 0x7fff_ffff);
+            }
+            *occupied = all != 0;
         }
-        Content { any: all != 0, nonfinite: largest >= 0x7f80_0000 }
+        largest >= 0x7f80_0000
     }
 }
 
@@ -178,12 +186,20 @@ mod tests {
 
     #[test]
     fn content_is_seen() {
-        let look = |values: &[f32]| dispatch(Look(values));
-        assert_eq!(look(&[0.0; 70]), Content { any: false, nonfinite: false });
-        assert_eq!(look(&[0.0, -0.0]), Content { any: true, nonfinite: false });
-        assert_eq!(look(&[f32::MAX, f32::MIN]), Content { any: true, nonfinite: false });
+        let look = |row: &[f32]| {
+            let mut occupied = [false; 2];
+            let nonfinite = dispatch(Look { row, occupied: &mut occupied, group: 64 });
+            (occupied, nonfinite)
+        };
+        let mut row = [0.0; 70];
+        assert_eq!(look(&row), ([false, false], false));
+        row[69] = -0.0;
+        assert_eq!(look(&row), ([false, true], false));
+        row[3] = f32::MIN;
+        assert_eq!(look(&row), ([true, true], false));
         for bad in [f32::NAN, -f32::NAN, f32::INFINITY, f32::NEG_INFINITY] {
-            assert_eq!(look(&[1.0, bad, 2.0]), Content { any: true, nonfinite: true });
+            row[68] = bad;
+            assert_eq!(look(&row), ([true, true], true));
         }
     }
 }

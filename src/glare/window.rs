@@ -69,15 +69,11 @@ impl Block {
 }
 
 fn look_at_row(row: &[f32], occupied: &mut [bool]) -> u64 {
-    let mut nonfinite = 0;
-    for (group, occupied) in row.chunks(GROUP).zip(occupied) {
-        let content = dispatch(Look(group));
-        *occupied = content.any;
-        if content.nonfinite {
-            nonfinite += group.iter().filter(|v| !v.is_finite()).count() as u64;
-        }
+    if dispatch(Look { row, occupied, group: GROUP }) {
+        row.iter().filter(|v| !v.is_finite()).count() as u64
+    } else {
+        0
     }
-    nonfinite
 }
 
 /// The slices that the filter can see.

@@ -8,7 +8,9 @@ use crate::run::{self, Quality};
 
 /// Write the built-in case study into a folder and run it to the pictures; again, it resumes
 #[derive(Debug, clap::Args)]
-#[command(after_help = "Examples:\n  glintmap demo church\n  glintmap demo church --quality standard")]
+#[command(
+    after_help = "Examples:\n  glintmap demo church\n  glintmap demo church --quality standard"
+)]
 pub(super) struct Arguments {
     /// The folder; made if it isn't there
     dir: PathBuf,

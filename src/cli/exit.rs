@@ -17,6 +17,7 @@ fn classify(cause: &(dyn std::error::Error + 'static)) -> Option<FaultKind> {
         return Some(FaultKind::Interrupted);
     }
     rooms!(
+        super::ours::Error,
         crate::glare::Error,
         crate::pages::Error,
         crate::picture::Error,

@@ -10,7 +10,9 @@ use crate::site::{Select, check};
 
 /// Write a project for a site of one's own, with a plan view and a panorama that fit
 #[derive(Debug, clap::Args)]
-#[command(after_help = "Examples:\n  glintmap new school --scene school.rad --latitude 47.4 --longitude 8.5 --meridian 15 --pv modifier=pv\n  glintmap new block --scene district.city.json --latitude 51.9 --longitude 4.4 --meridian 15 \\\n      --pv object=ID,surface=RoofSurface,min_tilt_deg=10")]
+#[command(
+    after_help = "Examples:\n  glintmap new school --scene school.rad --latitude 47.4 --longitude 8.5 --meridian 15 --pv modifier=pv\n  glintmap new block --scene district.city.json --latitude 51.9 --longitude 4.4 --meridian 15 \\\n      --pv object=ID,surface=RoofSurface,min_tilt_deg=10"
+)]
 pub(super) struct Arguments {
     /// The folder; made if it isn't there
     dir: PathBuf,
@@ -44,7 +46,8 @@ impl FromStr for Selector {
             let (key, value) = part
                 .split_once('=')
                 .ok_or_else(|| format!("expected KEY=VALUE, found `{part}`"))?;
-            let number = || value.parse::<f64>().map_err(|_| format!("{key}: `{value}` is no number"));
+            let number =
+                || value.parse::<f64>().map_err(|_| format!("{key}: `{value}` is no number"));
             match key.trim() {
                 "modifier" => select.modifier = Some(value.into()),
                 "material" => select.material = Some(value.into()),

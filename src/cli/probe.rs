@@ -23,7 +23,14 @@ pub(super) struct Arguments {
     #[arg(long, value_delimiter = ',', num_args = 1, value_name = "COLUMN,ROW")]
     pixel: Option<Vec<usize>>,
     /// X,Y,Z in metres from the local origin
-    #[arg(long, value_delimiter = ',', num_args = 1, allow_negative_numbers = true, allow_hyphen_values = true, value_name = "X,Y,Z")]
+    #[arg(
+        long,
+        value_delimiter = ',',
+        num_args = 1,
+        allow_negative_numbers = true,
+        allow_hyphen_values = true,
+        value_name = "X,Y,Z"
+    )]
     point: Option<Vec<f64>>,
     /// Print the time series as CSV
     #[arg(long)]
@@ -61,7 +68,13 @@ fn csv(found: &Probed) -> String {
             let _ = writeln!(
                 text,
                 "{},{},{},{:.6},{},{:.6},{:.6},{:.6}",
-                m.name, s.timestep, s.day, s.hour, s.at, s.sun_altitude_deg, s.sun_azimuth_deg,
+                m.name,
+                s.timestep,
+                s.day,
+                s.hour,
+                s.at,
+                s.sun_altitude_deg,
+                s.sun_azimuth_deg,
                 s.irradiance_w_m2
             );
         }

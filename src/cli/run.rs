@@ -8,7 +8,9 @@ use crate::run::{self, Assignment, Options, Resolved, Stage, Summary};
 
 /// Run what is missing or out of date, resume what was interrupted
 #[derive(Debug, clap::Args)]
-#[command(after_help = "Examples:\n  glintmap run church\n  glintmap run church --until trace\n  glintmap run church --set photons.stored=200000 --set view.plan.bandwidth=50")]
+#[command(
+    after_help = "Examples:\n  glintmap run church\n  glintmap run church --until trace\n  glintmap run church --set photons.stored=200000 --set view.plan.bandwidth=50"
+)]
 pub(super) struct Arguments {
     /// The project's folder or its project.toml
     project: PathBuf,
@@ -69,7 +71,8 @@ fn told(summary: &Summary, until: Stage) -> String {
         (made, current) => writeln!(text, "made {made} units, {current} were up to date"),
     };
     if summary.draft {
-        let _ = writeln!(text, "draft, not for assessment: fewer than 4 million photons a material");
+        let _ =
+            writeln!(text, "draft, not for assessment: fewer than 4 million photons a material");
     }
     if until == Stage::Report {
         let _ = writeln!(text, "look at {}", summary.folder.join("report.html").display());

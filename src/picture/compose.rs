@@ -2,9 +2,9 @@
 
 use super::Error;
 use super::canvas::mix;
-use super::channels::Rgb;
+use super::channels::{Rgb, luminance};
 use super::scale::Scale;
-use super::tonemap::{Exposure, tonemap};
+use super::scale::percentile;
 use crate::base::Grid;
 
 /// What shows where there are neither values nor a background.
@@ -24,13 +24,20 @@ pub enum Contours {
     Bands,
 }
 
-/// The background in shades of grey, exposed by its own brightness and held back between dark and
-/// middle grey: on it the palettes read as light, much glows and little recedes.
+/// The background in shades of grey, its own contrast spread between dark and middle grey: on it
+/// the palettes read as light, much glows and little recedes.
 pub fn greyed(background: &Rgb) -> Grid<[u8; 3]> {
-    const DARKEST: f64 = 30.0;
-    const LIGHTEST: f64 = 176.0;
-    tonemap(background, Exposure::Auto, true).map(|p| {
-        let t = f64::from(p[0]) / 255.0;
+    const DARKEST: f64 = 42.0;
+    const LIGHTEST: f64 = 196.0;
+    // Shares of the lit pixels that turn darkest and lightest: shadows and white walls.
+    const DARK_SHARE: f64 = 0.03;
+    const LIGHT_SHARE: f64 = 0.99;
+    let lightness = background.map(|&p| libm::cbrtf(luminance(p).max(0.0)));
+    let dark = percentile([&lightness], DARK_SHARE);
+    let light = percentile([&lightness], LIGHT_SHARE);
+    let span = (light - dark).max(1e-6);
+    lightness.map(|&v| {
+        let t = ((f64::from(v) - dark) / span).clamp(0.0, 1.0);
         [(DARKEST + (LIGHTEST - DARKEST) * t + 0.5) as u8; 3]
     })
 }

@@ -127,10 +127,7 @@ pub fn create(
         return Err(Error::InTheWay { path });
     }
     let scene = SceneSpec {
-        files: files
-            .iter()
-            .map(|f| SceneFile { path: f.clone(), unit: None, up: None })
-            .collect(),
+        files: files.iter().map(|f| SceneFile { path: f.clone(), unit: None, up: None }).collect(),
         default_reflectance: 0.25,
         lod: None,
         crs: None,
@@ -159,9 +156,8 @@ fn project_text(
         .map(|f| relative(f, folder).map(|p| format!("{:?}", p.to_string_lossy())))
         .collect::<Result<Vec<_>, _>>()?
         .join(", ");
-    let name = folder
-        .file_name()
-        .map_or_else(|| "site".to_owned(), |n| n.to_string_lossy().into_owned());
+    let name =
+        folder.file_name().map_or_else(|| "site".to_owned(), |n| n.to_string_lossy().into_owned());
     let c = fit.center;
     let mut text = String::new();
     // Writing into a String can't fail.
@@ -310,9 +306,8 @@ impl Fit {
 
 /// `path` as seen from `folder`, so that a project can be moved together with its scene.
 fn relative(path: &Path, folder: &Path) -> Result<PathBuf, Error> {
-    let absolute = |p: &Path| {
-        fs::canonicalize(p).map_err(|source| Error::Read { path: p.to_owned(), source })
-    };
+    let absolute =
+        |p: &Path| fs::canonicalize(p).map_err(|source| Error::Read { path: p.to_owned(), source });
     let (path, folder) = (absolute(path)?, absolute(folder)?);
     let from: Vec<Component<'_>> = folder.components().collect();
     let to: Vec<Component<'_>> = path.components().collect();

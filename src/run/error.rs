@@ -127,8 +127,12 @@ impl Error {
         match self {
             Self::Project { .. } | Self::InTheWay { .. } | Self::NotMade { .. } => FaultKind::Input,
             Self::Unsupported(_) | Self::Material { .. } => FaultKind::Input,
-            Self::Read { source, .. } if source.kind() == io::ErrorKind::NotFound => FaultKind::Input,
-            Self::Read { .. } | Self::Write { .. } | Self::Io(_) | Self::Npy(_) => FaultKind::Failed,
+            Self::Read { source, .. } if source.kind() == io::ErrorKind::NotFound => {
+                FaultKind::Input
+            }
+            Self::Read { .. } | Self::Write { .. } | Self::Io(_) | Self::Npy(_) => {
+                FaultKind::Failed
+            }
             Self::Busy { .. } | Self::Disk { .. } => FaultKind::Failed,
             Self::Manifest { .. } => FaultKind::Damaged,
             Self::Interrupted(_) => FaultKind::Interrupted,

@@ -156,7 +156,10 @@ pub fn estimate(resolved: &Resolved, memory_bytes: u64) -> Result<Estimate, Erro
         ),
         stage(
             Stage::Pictures,
-            format!("{} pictures", (candidates * resolved.views.len() as f64 * (3.0 + 3.0 * thresholds)) as u64),
+            format!(
+                "{} pictures",
+                (candidates * resolved.views.len() as f64 * (3.0 + 3.0 * thresholds)) as u64
+            ),
             0.0,
             (pixels * candidates * 3.0, pixels * candidates * 12.0),
             largest * 80.0,

@@ -91,15 +91,14 @@ pub fn probe(resolved: &Resolved, view: &str, spot: Spot) -> Result<Probed, Erro
         message,
     };
     let known = || resolved.views.iter().map(|v| v.name.as_str()).collect::<Vec<_>>().join(", ");
-    let planned = resolved
-        .views
-        .iter()
-        .find(|v| v.name == view)
-        .ok_or_else(|| wrong(format!("no [[view]] is named \"{view}\" (there are: {})", known())))?;
+    let planned = resolved.views.iter().find(|v| v.name == view).ok_or_else(|| {
+        wrong(format!("no [[view]] is named \"{view}\" (there are: {})", known()))
+    })?;
     let (columns, rows) = (planned.view.columns(), planned.view.rows());
-    let (column, row) = pixel_of(planned, spot).filter(|&(c, r)| c < columns && r < rows).ok_or_else(
-        || wrong(format!("the spot lies outside the view \"{view}\" of {columns} x {rows} pixels")),
-    )?;
+    let (column, row) =
+        pixel_of(planned, spot).filter(|&(c, r)| c < columns && r < rows).ok_or_else(|| {
+            wrong(format!("the spot lies outside the view \"{view}\" of {columns} x {rows} pixels"))
+        })?;
     let folder = Folder::new(resolved.run_folder());
     let hits_path = folder.at(&folder.hits(view));
     if !hits_path.exists() {

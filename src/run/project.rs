@@ -210,11 +210,7 @@ impl Default for TimeTable {
     fn default() -> Self {
         Self {
             year: 2025,
-            days: DaysTable {
-                from: DayEntry::Number(0),
-                to: DayEntry::Number(364),
-                step: 7,
-            },
+            days: DaysTable { from: DayEntry::Number(0), to: DayEntry::Number(364), step: 7 },
             hours: HoursTable { from: 0.0, to: 23.75, step: 0.25 },
             sun: "spa".into(),
             irradiance: toml::Value::String("clear-sky".into()),
@@ -382,7 +378,8 @@ fn four_hundred() -> usize {
 /// of the wrong kind: with line and column.
 pub fn read(path: &Path, set: &[Assignment]) -> Result<(PathBuf, Project), Error> {
     let file = if path.is_dir() { path.join("project.toml") } else { path.to_owned() };
-    let text = fs::read_to_string(&file).map_err(|source| Error::Read { path: file.clone(), source })?;
+    let text =
+        fs::read_to_string(&file).map_err(|source| Error::Read { path: file.clone(), source })?;
     // The text as it stands first, so that line numbers in errors are those of the file.
     let mut project = parse(&file, &text)?;
     if !set.is_empty() {
@@ -416,7 +413,10 @@ fn with_nearest(message: &str) -> String {
     let nearest = known.iter().min_by_key(|k| strsim::damerau_levenshtein(found, k));
     match nearest {
         Some(nearest) => {
-            format!("unknown key `{found}`; did you mean `{nearest}`? (known: {})", known.join(", "))
+            format!(
+                "unknown key `{found}`; did you mean `{nearest}`? (known: {})",
+                known.join(", ")
+            )
         }
         None => message.to_owned(),
     }

@@ -299,9 +299,8 @@ impl Reader<'_> {
         };
         let day = |entry: &DayEntry, key: &str| match entry {
             DayEntry::Number(n) => Ok(*n),
-            DayEntry::Date(text) => crate::sky::parse_day(text, t.year).map_err(|e| {
-                self.wrong(format!("time.days.{key}: {e}"))
-            }),
+            DayEntry::Date(text) => crate::sky::parse_day(text, t.year)
+                .map_err(|e| self.wrong(format!("time.days.{key}: {e}"))),
         };
         Ok(TimeSpec {
             year: t.year,
@@ -551,7 +550,9 @@ impl Reader<'_> {
                 )));
             }
         };
-        for (key, value) in [("bandwidth", Some(t.bandwidth)), ("series_bandwidth", t.series_bandwidth)] {
+        for (key, value) in
+            [("bandwidth", Some(t.bandwidth)), ("series_bandwidth", t.series_bandwidth)]
+        {
             if value.is_some_and(|v| !(2..=1_000_000).contains(&v)) {
                 return Err(self.wrong(format!(
                     "view.{}.{key}: expected 2 to 1000000 photons, found {}",
@@ -561,7 +562,9 @@ impl Reader<'_> {
             }
         }
         if t.max_radius_m.is_some_and(|r| !(r > 0.0 && r.is_finite())) {
-            return Err(self.wrong(format!("view.{}.max_radius_m: expected metres above 0", t.name)));
+            return Err(
+                self.wrong(format!("view.{}.max_radius_m: expected metres above 0", t.name))
+            );
         }
         let view = View::parse(options, columns, rows)
             .map_err(|e| self.wrong(format!("view.{}.view: {e}", t.name)))?;
@@ -635,9 +638,13 @@ impl Reader<'_> {
             }
             seen.push(t);
         }
-        let connectivity = glare::Connectivity::from_neighbours(g.connectivity).ok_or_else(|| {
-            self.wrong(format!("glare.connectivity: expected 6, 18 or 26, found {}", g.connectivity))
-        })?;
+        let connectivity =
+            glare::Connectivity::from_neighbours(g.connectivity).ok_or_else(|| {
+                self.wrong(format!(
+                    "glare.connectivity: expected 6, 18 or 26, found {}",
+                    g.connectivity
+                ))
+            })?;
         if g.sigma.iter().any(|s| !(0.0..=1000.0).contains(s)) || !(g.truncate >= 0.0) {
             return Err(self.wrong(format!(
                 "glare.sigma and glare.truncate: expected numbers from 0, found {:?} and {}",

@@ -249,15 +249,11 @@ impl Job<'_> {
 
 /// The first warnings of a site, and how many more there are.
 fn worth_telling(findings: &[Finding]) -> Vec<String> {
-    let serious: Vec<&Finding> =
-        findings.iter().filter(|f| f.severity > Severity::Note).collect();
+    let serious: Vec<&Finding> = findings.iter().filter(|f| f.severity > Severity::Note).collect();
     let shown = 5;
     let mut out: Vec<String> = serious.iter().take(shown).map(|f| f.to_string()).collect();
     if serious.len() > shown {
-        out.push(format!(
-            "… and {} more; `glintmap check` lists them",
-            serious.len() - shown
-        ));
+        out.push(format!("… and {} more; `glintmap check` lists them", serious.len() - shown));
     }
     out
 }

@@ -37,7 +37,8 @@ impl FromStr for Assignment {
 /// # Errors
 /// When the text isn't TOML, or a key names a table that isn't there.
 pub fn apply(file: &Path, text: &str, set: &[Assignment]) -> Result<String, Error> {
-    let fail = |message: String| Error::Project { path: file.to_owned(), line: 0, column: 0, message };
+    let fail =
+        |message: String| Error::Project { path: file.to_owned(), line: 0, column: 0, message };
     let mut document: DocumentMut = text.parse().map_err(|e| fail(format!("{e}")))?;
     for assignment in set {
         let whole = assignment.key.join(".");
@@ -46,15 +47,20 @@ pub fn apply(file: &Path, text: &str, set: &[Assignment]) -> Result<String, Erro
         let mut parts = path.iter();
         while let Some(part) = parts.next() {
             let known = at.iter().map(|(k, _)| k.to_owned()).collect::<Vec<_>>().join(", ");
-            let missing = || fail(format!("--set {whole}: there is no `{part}` (there are: {known})"));
+            let missing =
+                || fail(format!("--set {whole}: there is no `{part}` (there are: {known})"));
             let item = at.get_mut(part).ok_or_else(missing)?;
             at = match item {
                 Item::ArrayOfTables(list) => {
                     let name = parts.next().ok_or_else(|| {
-                        fail(format!("--set {whole}: `{part}` is a list; name one: {part}.NAME.KEY"))
+                        fail(format!(
+                            "--set {whole}: `{part}` is a list; name one: {part}.NAME.KEY"
+                        ))
                     })?;
                     named(list, name).map_err(|known| {
-                        fail(format!("--set {whole}: no `{part}` is named `{name}` (there are: {known})"))
+                        fail(format!(
+                            "--set {whole}: no `{part}` is named `{name}` (there are: {known})"
+                        ))
                     })?
                 }
                 other => other.as_table_like_mut().ok_or_else(|| {

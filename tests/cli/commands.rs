@@ -3,8 +3,17 @@
 use crate::support::program::{project, say, succeed};
 
 const TABLE_3: &[&str] = &[
-    "suns", "--latitude", "47.038", "--longitude", "8.312", "--meridian", "15", "--days",
-    "0:181:7", "--hours", "4.5:20.5:0.25",
+    "suns",
+    "--latitude",
+    "47.038",
+    "--longitude",
+    "8.312",
+    "--meridian",
+    "15",
+    "--days",
+    "0:181:7",
+    "--hours",
+    "4.5:20.5:0.25",
 ];
 
 #[test]
@@ -20,14 +29,17 @@ fn table_3_has_the_papers_number_of_suns() {
 
 #[test]
 fn every_command_has_help_with_an_example() {
-    for command in [
-        "demo", "new", "run", "plan", "check", "probe", "suns", "convert", "inspect", "verify",
-    ] {
+    for command in
+        ["demo", "new", "run", "plan", "check", "probe", "suns", "convert", "inspect", "verify"]
+    {
         let said = succeed(&[command, "--help"]);
         assert!(said.out.contains("Example"), "{command} --help shows no example");
     }
     for (group, command) in [
-        ("glare", "analyse"), ("volume", "info"), ("volume", "export"), ("volume", "import"),
+        ("glare", "analyse"),
+        ("volume", "info"),
+        ("volume", "export"),
+        ("volume", "import"),
         ("picture", "falsecolor"),
     ] {
         let said = succeed(&[group, command, "--help"]);
@@ -98,13 +110,32 @@ fn new_writes_a_project_that_checks_and_runs() {
     let new = keep.path().join("mine");
     let (new, scene) = (new.to_str().expect("plain"), scene.to_str().expect("plain"));
     succeed(&[
-        "new", new, "--scene", scene, "--latitude", "-33.9", "--longitude", "151.2", "--meridian",
-        "150", "--pv", "modifier=pv",
+        "new",
+        new,
+        "--scene",
+        scene,
+        "--latitude",
+        "-33.9",
+        "--longitude",
+        "151.2",
+        "--meridian",
+        "150",
+        "--pv",
+        "modifier=pv",
     ]);
     succeed(&["check", new]);
     succeed(&["plan", new]);
     let again = say(&[
-        "new", new, "--scene", scene, "--latitude", "0", "--longitude", "0", "--meridian", "0",
+        "new",
+        new,
+        "--scene",
+        scene,
+        "--latitude",
+        "0",
+        "--longitude",
+        "0",
+        "--meridian",
+        "0",
     ]);
     assert_eq!(again.code, 2, "{}", again.err);
 }

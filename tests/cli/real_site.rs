@@ -14,9 +14,21 @@ fn rotterdam_runs_at_draft_quality() {
     let path = keep.path().to_str().expect("a plain path");
     let files = format!("scene.files=[{:?}]", scene.canonicalize().expect("exists"));
     let draft = [
-        "--set", &files, "--set", "photons.stored=100000", "--set", "view.plan.size=[200, 200]",
-        "--set", "view.panorama.size=[400, 100]", "--set", "view.plan.bandwidth=50", "--set",
-        "view.panorama.bandwidth=50", "--set", "view.plan.series_bandwidth=1000", "--set",
+        "--set",
+        &files,
+        "--set",
+        "photons.stored=100000",
+        "--set",
+        "view.plan.size=[200, 200]",
+        "--set",
+        "view.panorama.size=[400, 100]",
+        "--set",
+        "view.plan.bandwidth=50",
+        "--set",
+        "view.panorama.bandwidth=50",
+        "--set",
+        "view.plan.series_bandwidth=1000",
+        "--set",
         "view.panorama.series_bandwidth=1000",
     ];
     let check = succeed(&[&["check", path][..], &draft[..2]].concat());

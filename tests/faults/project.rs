@@ -86,7 +86,8 @@ fn a_disk_that_takes_no_more_loses_nothing() {
     let program = env!("CARGO_BIN_EXE_glintmap");
     let mut failed = 0;
     for blocks in [1, 8, 24, 64] {
-        let script = format!("trap '' XFSZ; ulimit -f {blocks}; exec '{program}' run '{path}' --quiet");
+        let script =
+            format!("trap '' XFSZ; ulimit -f {blocks}; exec '{program}' run '{path}' --quiet");
         let output = Command::new("bash").args(["-c", &script]).output().expect("bash starts");
         let err = String::from_utf8_lossy(&output.stderr).into_owned();
         match output.status.code() {

@@ -67,8 +67,7 @@ fn killed_at_any_moment_it_resumes_to_the_same_bytes() {
     let path = killed.to_str().expect("a plain path");
     let mut kills = 0;
     for ms in (10..600).step_by(35) {
-        let mut child =
-            glintmap(&["run", path, "--quiet"]).spawn().expect("the program starts");
+        let mut child = glintmap(&["run", path, "--quiet"]).spawn().expect("the program starts");
         std::thread::sleep(Duration::from_millis(ms));
         if child.try_wait().expect("asks").is_none() {
             kills += 1;

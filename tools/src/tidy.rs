@@ -100,7 +100,9 @@ pub fn tidy(root: &Path) -> Result<Findings> {
         };
         let page = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
         if is_page && !text.contains(&format!("include_str!(\"{page}\")")) {
-            findings.broken.push(format!("formats/src/{page}: no module has it as its documentation"));
+            findings
+                .broken
+                .push(format!("formats/src/{page}: no module has it as its documentation"));
         }
     }
     Ok(findings)
@@ -125,7 +127,9 @@ fn collect(folder: &Path, into: &mut BTreeMap<PathBuf, String>) -> Result<()> {
 fn check_file(name: &str, text: &str, findings: &mut Findings) {
     let lines = text.lines().count();
     if lines > LONG {
-        findings.warnings.push(format!("{name}: {lines} lines; would a reader find two rooms in it?"));
+        findings
+            .warnings
+            .push(format!("{name}: {lines} lines; would a reader find two rooms in it?"));
     }
     let room = name.strip_prefix("src/").and_then(|n| n.split_once('/')).map(|(room, _)| room);
     let allowed = room.and_then(|r| ROOMS.iter().find(|(n, _)| *n == r));
@@ -176,7 +180,9 @@ fn check_file(name: &str, text: &str, findings: &mut Findings) {
                     && !text.contains(&format!(", {krate}"))
             });
             if named && !homes.iter().any(|h| name.starts_with(h)) {
-                findings.broken.push(format!("{at}: the crate `{krate}` has its home in {homes:?}"));
+                findings
+                    .broken
+                    .push(format!("{at}: the crate `{krate}` has its home in {homes:?}"));
             }
         }
     }
@@ -218,7 +224,10 @@ mod tests {
     fn what_the_table_forbids_is_found() {
         assert_eq!(broken("src/trace/path.rs", "use crate::pages::Store;\n"), 1);
         assert_eq!(broken("src/trace/path.rs", "use crate::{base::Photon, pages};\n"), 1);
-        assert_eq!(broken("src/trace/path.rs", "use crate::{\n    base::Photon,\n    volume::V,\n};\n"), 1);
+        assert_eq!(
+            broken("src/trace/path.rs", "use crate::{\n    base::Photon,\n    volume::V,\n};\n"),
+            1
+        );
         assert_eq!(broken("src/trace/path.rs", "use glintmap_formats::seal;\n"), 1);
         assert_eq!(broken("src/glare/x.rs", "fn f() { crate::render::hits(); }\n"), 1);
         assert_eq!(broken("src/kitchen/x.rs", "\n"), 1);

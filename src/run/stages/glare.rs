@@ -41,11 +41,9 @@ fn one(
     let volume = Volume::open(&job.folder.at(&job.folder.series(&candidate.name, &view.name)))?;
     let settings = glare::Settings { threshold, ..job.resolved.glare.clone() };
     let steps = volume.shape()[0] as u64;
-    let analysis =
-        glare::analyse(&volume, &volume.segments(), &settings, None, job.progress)?;
+    let analysis = glare::analyse(&volume, &volume.segments(), &settings, None, job.progress)?;
     job.progress.finish();
-    let name =
-        |file: &str| job.folder.glare(&candidate.name, &view.name, threshold, file);
+    let name = |file: &str| job.folder.glare(&candidate.name, &view.name, threshold, file);
     let step_h = job.timeline()?.step_h;
     let about = [
         ("material", candidate.name.as_str()),
@@ -57,8 +55,7 @@ fn one(
     let mut outputs = Vec::new();
     for (map, counts, hours) in hours(&analysis, step_h) {
         let npy = job.folder.prepare(&name(&format!("{map}.npy")))?;
-        glintmap_formats::npy::write(&npy, &[counts.rows(), counts.columns()], counts.data())
-            ?;
+        glintmap_formats::npy::write(&npy, &[counts.rows(), counts.columns()], counts.data())?;
         let exr_name = name(&format!("{map}.exr"));
         let channel = format!("{map}.h");
         exr::write(&job.folder.at(&exr_name), &[(channel.as_str(), &hours)], &attributes)?;

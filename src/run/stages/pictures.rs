@@ -11,7 +11,8 @@ use serde_json::json;
 use self::marks::Marks;
 use super::render::attributes;
 use crate::base::{Grid, SpectralBasis};
-use crate::picture::{Figure, Rgb, Scale, compose, exr, scale, tonemap};
+use crate::picture::scale::{self, Below};
+use crate::picture::{Figure, Rgb, Scale, compose, exr, tonemap};
 use crate::run::Error;
 use crate::run::manifest::key_of;
 use crate::run::resolve::{Candidate, PlannedView, Resolved};
@@ -51,7 +52,7 @@ pub(in crate::run) fn pictures(job: &mut Job<'_>) -> Result<(), Error> {
     for view in &resolved.views {
         let direct = read_rgb(job, view)?;
         let marks = Marks::of(job, view)?;
-        outputs.push(daylight(job, view, &direct, &marks)?);
+        outputs.push(daylight(job, view, &direct)?);
         for candidate in &resolved.candidates {
             for quantity in &quantities {
                 job.progress.check()?;
@@ -167,9 +168,9 @@ fn quantities(job: &Job<'_>) -> Result<Vec<Quantity>, Error> {
         channel: "annual.wh_m2".into(),
         title: "Energy from the PV in a year".into(),
         legend: "annual radiant exposure".into(),
-        bare: "no colour: no light from the PV".into(),
+        bare: "no colour: less, or nothing".into(),
         caption: "Sunlight that the PV throws onto each surface, summed over the year; the sun's own light is not in it.".into(),
-        scale: Scale::logarithmic(top(&annual, COVERED), DECADES, &hours_unit),
+        scale: decades(top(&annual, COVERED), &hours_unit),
     });
     let peak = all(job, "peak", peak_channel)?;
     out.push(Quantity {
@@ -177,9 +178,11 @@ fn quantities(job: &Job<'_>) -> Result<Vec<Quantity>, Error> {
         channel: peak_channel.into(),
         title: "Strongest irradiance from the PV".into(),
         legend: format!("largest irradiance {what}"),
-        bare: "no colour: no light from the PV".into(),
-        caption: "The largest value of any timestep, unfiltered; noise makes single pixels too bright.".into(),
-        scale: Scale::logarithmic(top(&peak, COVERED), DECADES, watts),
+        bare: "no colour: less, or nothing".into(),
+        caption:
+            "The largest value of any timestep, unfiltered; noise makes single pixels too bright."
+                .into(),
+        scale: decades(top(&peak, COVERED), watts),
     });
     if let Some(reference) = resolved.reference {
         let name = &resolved.candidates[reference].name;
@@ -190,14 +193,28 @@ fn quantities(job: &Job<'_>) -> Result<Vec<Quantity>, Error> {
             title: format!("Energy in a year compared with {name}"),
             legend: format!("ratio to {name}"),
             bare: format!("no colour: {name} sends nothing here"),
-            caption: format!("Above 1 this material sends more light to a place than {name} does, below 1 less."),
+            caption: format!(
+                "Above 1 this material sends more light to a place than {name} does, below 1 less."
+            ),
             scale: Scale::ratio(top(&ratio, 0.99).min(LARGEST_RATIO)),
         });
     }
     for (file, title, meaning) in [
-        ("cumulative", "Hours of glare in a year", "Sum of all times of the year above the threshold."),
-        ("sustained", "Longest glare event", "The longest time that one event, connected in space and time, covers a place on any day."),
-        ("longest_run", "Longest glare without a break", "The longest uninterrupted time above the threshold on any day."),
+        (
+            "cumulative",
+            "Hours of glare in a year",
+            "Sum of all times of the year above the threshold.",
+        ),
+        (
+            "sustained",
+            "Longest glare event",
+            "The longest time that one event, connected in space and time, covers a place on any day.",
+        ),
+        (
+            "longest_run",
+            "Longest glare without a break",
+            "The longest uninterrupted time above the threshold on any day.",
+        ),
     ] {
         let mut grids = Vec::new();
         let paths = |t: f64| format!("glare-{t}/{file}");
@@ -221,10 +238,16 @@ fn quantities(job: &Job<'_>) -> Result<Vec<Quantity>, Error> {
     Ok(out)
 }
 
+/// A logarithmic scale; what lies below it shows the background: there, single photons decide.
+fn decades(max: f64, unit: &str) -> Scale {
+    Scale { below: Below::Transparent, ..Scale::logarithmic(max, DECADES, unit) }
+}
+
 fn subtitle(job: &Job<'_>, view: &PlannedView) -> Result<String, Error> {
     let p = &job.resolved.project;
     let timeline = job.timeline()?;
-    let year = if p.time.half_year { "half a year, doubled".into() } else { p.time.year.to_string() };
+    let year =
+        if p.time.half_year { "half a year, doubled".into() } else { p.time.year.to_string() };
     Ok(format!(
         "{} · {} · {} suns ({year}) · up to {} m from the PV",
         p.site.name,
@@ -255,7 +278,9 @@ fn draw(
     figure.bare = quantity.bare.clone();
     figure.caption = vec![quantity.caption.clone()];
     if data.data().iter().all(|v| *v == 0.0) {
-        figure.caption.insert(0, "Nothing in this view reaches the scale: the map is empty.".into());
+        figure
+            .caption
+            .insert(0, "Nothing in this view reaches the scale: the map is empty.".into());
     }
     if job.resolved.is_draft() {
         figure.watermark = Some("draft, not for assessment".into());
@@ -267,14 +292,9 @@ fn draw(
 }
 
 /// The background alone, as a picture that people like to look at.
-fn daylight(
-    job: &Job<'_>,
-    view: &PlannedView,
-    direct: &Rgb,
-    _marks: &Marks,
-) -> Result<PathBuf, Error> {
+fn daylight(job: &Job<'_>, view: &PlannedView, direct: &Rgb) -> Result<PathBuf, Error> {
     let name = job.folder.view_file(&view.name, "direct.png");
-    let pixels = tonemap::tonemap(direct, tonemap::Exposure::Auto, false);
+    let pixels = tonemap::tonemap(direct, tonemap::Exposure::Factor(1.0), false);
     crate::picture::png::write(&job.folder.at(&name), &pixels, &texts(job))?;
     Ok(name)
 }

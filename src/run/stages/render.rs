@@ -41,8 +41,7 @@ fn hits(job: &mut Job<'_>, view: &PlannedView) -> Result<(), Error> {
     }
     let began = Instant::now();
     let trace = &job.resolved.trace;
-    let hits =
-        render::hits(&view.view, job.site()?, trace.max_path_m, trace.seed, job.progress)?;
+    let hits = render::hits(&view.view, job.site()?, trace.max_path_m, trace.seed, job.progress)?;
     let name = job.folder.hits(&view.name);
     let path = job.folder.prepare(&name)?;
     let provenance = job.provenance(&key, &[("view", &view.name)]);
@@ -105,8 +104,7 @@ fn maps(job: &mut Job<'_>, candidate: &Candidate, view: &PlannedView) -> Result<
     let began = Instant::now();
     let hits = read_hits(job, view)?;
     let store_path = job.folder.at(&job.folder.store(&candidate.name));
-    let options =
-        OpenOptions { cache_bytes: job.options.page_cache_bytes, access: Access::Mapped };
+    let options = OpenOptions { cache_bytes: job.options.page_cache_bytes, access: Access::Mapped };
     let store = Store::open(&store_path, &options)?;
     let about = [("material", candidate.name.as_str()), ("view", view.name.as_str())];
     let mut outputs = annual(job, &store, &hits, candidate, view, &key, &about)?;
@@ -119,7 +117,14 @@ fn maps(job: &mut Job<'_>, candidate: &Candidate, view: &PlannedView) -> Result<
     let provenance = job.provenance(&key, &about);
     let (columns, rows) = (view.view.columns(), view.view.rows());
     let create = |timeline| {
-        Writer::create_or_resume(&series_path, timeline, columns, rows, written_quantity(quantity), &provenance)
+        Writer::create_or_resume(
+            &series_path,
+            timeline,
+            columns,
+            rows,
+            written_quantity(quantity),
+            &provenance,
+        )
     };
     let writer = match create(job.timeline()?) {
         // Made from other settings: of no use any more.

@@ -73,8 +73,8 @@ fn photons(job: &Job<'_>) -> Result<Section, Error> {
     };
     for candidate in &job.resolved.candidates {
         let path = job.folder.at(&job.folder.tally(&candidate.name));
-        let text = std::fs::read(&path)
-            .map_err(|source| Error::Read { path: path.clone(), source })?;
+        let text =
+            std::fs::read(&path).map_err(|source| Error::Read { path: path.clone(), source })?;
         let traced: Traced = serde_json::from_slice(&text)
             .map_err(|e| Error::Manifest { path, message: e.to_string() })?;
         let t = traced.tally;

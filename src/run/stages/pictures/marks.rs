@@ -122,9 +122,8 @@ fn sun_paths(job: &Job<'_>, view: &View) -> Result<Vec<Polyline>, Error> {
         for step in steps.iter().filter(|s| s.day == day) {
             let Some((column, row)) = view.project_direction(step.sun) else { continue };
             // A path that leaves a panorama at one edge comes back at the other.
-            let jumps = points
-                .last()
-                .is_some_and(|p| (p[0] - column).abs() > view.columns() as f64 * 0.5);
+            let jumps =
+                points.last().is_some_and(|p| (p[0] - column).abs() > view.columns() as f64 * 0.5);
             if jumps {
                 points.push([f64::NAN; 2]);
             }

@@ -196,7 +196,6 @@ impl Work<'_> {
         let slices = slices.of(sees.len() * width);
         let line_stride = (out_width.max(width) + 2 * x.radius()).next_multiple_of(8);
         let line = line.of(GROUP_ROWS * line_stride);
-        out.resize(out_width, 0.0);
         // What is left in the ring from before is written over before it is looked at.
         let ring = ring.of(ring_rows * steps * width);
         zero.clear();
@@ -248,7 +247,7 @@ impl Work<'_> {
                 .collect();
             let empty = slots.iter().all(|&slot| zero[slot]);
             let kept_at = (first - self.rows.start) * window.columns;
-            for step in 0..steps {
+            for (step, found) in found.iter_mut().enumerate() {
                 let mut kept = self.kept.get_mut(step).map(|kept| &mut kept[kept_at..]);
                 if empty {
                     for row in
@@ -279,7 +278,7 @@ impl Work<'_> {
                         stride: 0,
                     });
                     let out = &out[..block.len()];
-                    compare(*threshold, out, row, block.start, &mut found[step]);
+                    compare(*threshold, out, row, block.start, found);
                     if let Some(kept) = &mut kept {
                         kept[(row - first) * window.columns..][block.clone()].copy_from_slice(out);
                     }

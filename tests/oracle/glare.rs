@@ -29,6 +29,11 @@ struct Case {
 
 const ALL: [Connectivity; 3] = [Connectivity::Faces, Connectivity::Edges, Connectivity::Corners];
 
+/// The volume as one segment.
+fn whole(volume: &Memory) -> Vec<Range<usize>> {
+    std::iter::once(0..volume.shape()[0]).collect()
+}
+
 fn plan(batch: usize, block: usize) -> Plan {
     Plan { batch, block, fixed_bytes: 0, events_bytes: u64::MAX }
 }
@@ -104,7 +109,7 @@ fn shaped_cases() -> Vec<Case> {
                 let threshold = if sigma == 0.0 { 10.0 } else { 7.0 };
                 let settings =
                     Settings { connectivity, threshold, sigma: [sigma; 3], ..Settings::default() };
-                let segments = vec![0..volume.shape[0]];
+                let segments = whole(&volume);
                 let name = format!("{name}, {connectivity:?}, sigma {sigma}");
                 out.push(Case { name, volume: volume.clone(), segments, settings });
             }
@@ -114,7 +119,7 @@ fn shaped_cases() -> Vec<Case> {
     let dice = &mut Dice::new(77);
     let volume = Memory::from_fn([120, 64, 64], |_, _, _| 20.0 * dice.unit() as f32);
     let settings = Settings { threshold: 12.5, sigma: [0.0; 3], ..Settings::default() };
-    out.push(Case { name: "merging noise".into(), volume, segments: vec![0..120], settings });
+    out.push(Case { name: "merging noise".into(), segments: whole(&volume), volume, settings });
     out
 }
 
@@ -299,8 +304,8 @@ fn threads_do_not_show() {
 }
 
 fn refusal(volume: &Memory, settings: &Settings) -> Error {
-    let all = [0..volume.shape()[0]];
-    glare::analyse(volume, &all, settings, None, &Silent).expect_err("it should be refused")
+    glare::analyse(volume, &whole(volume), settings, None, &Silent)
+        .expect_err("it should be refused")
 }
 
 #[test]
@@ -341,7 +346,13 @@ fn settings_out_of_range_are_refused() {
         glare::analyse(&volume, segments, &settings, None, &Silent).map(|_| ())
     };
     assert!(all(&[0..2, 2..3]).is_ok());
-    for wrong in [vec![], vec![0..2], vec![0..2, 1..3], vec![0..2, 2..4], vec![0..0, 0..3]] {
+    for wrong in [
+        vec![],
+        std::iter::once(0..2).collect(),
+        vec![0..2, 1..3],
+        vec![0..2, 2..4],
+        vec![0..0, 0..3],
+    ] {
         assert!(matches!(all(&wrong), Err(Error::Segments { .. })), "{wrong:?}");
     }
 }

@@ -170,7 +170,7 @@ pub fn load(name: &str, text: &str) -> Result<Profile, Error> {
     let profile: Profile = toml::from_str(text).map_err(|e| wrong(e.to_string()))?;
     for (number, limit) in profile.limits.iter().enumerate() {
         let id = &limit.id;
-        if !limit.value.is_finite() || limit.threshold_w_m2.is_some_and(|t| !(t >= 0.0)) {
+        if !limit.value.is_finite() || !limit.threshold_w_m2.is_none_or(|t| t >= 0.0) {
             return Err(wrong(format!("limit {id}: value and threshold must be finite and >= 0")));
         }
         if profile.limits[..number].iter().any(|other| other.id == *id) {

@@ -85,7 +85,7 @@ fn smooth(part: &mut [f32], shape: [usize; 3], axis: usize, sigma: f64, truncate
         }
         i as usize
     };
-    for first in (0..part.len()).filter(|i| i / stride % shape[axis] == 0) {
+    for first in (0..part.len()).filter(|i| (i / stride).is_multiple_of(shape[axis])) {
         let line: Vec<f64> =
             (0..shape[axis]).map(|i| f64::from(part[first + i * stride])).collect();
         for i in 0..length {
@@ -113,12 +113,13 @@ fn numpy_sum(raw: &[f64]) -> f64 {
 }
 
 fn count(mask: &[bool], pixels: usize, maps: &mut [Vec<i32>; 3]) {
-    for pixel in 0..pixels {
+    let [cumulative, _, longest_run] = maps;
+    for (pixel, (cumulative, longest)) in cumulative.iter_mut().zip(longest_run).enumerate() {
         let mut run = 0;
         for on in mask.iter().skip(pixel).step_by(pixels) {
             run = if *on { run + 1 } else { 0 };
-            maps[0][pixel] += i32::from(*on);
-            maps[2][pixel] = maps[2][pixel].max(run);
+            *cumulative += i32::from(*on);
+            *longest = run.max(*longest);
         }
     }
 }

@@ -67,10 +67,12 @@ impl Dice {
 /// A random volume: noise of some density, blobs, plateaus, all clear, all set.
 pub fn random(dice: &mut Dice, shape: [usize; 3]) -> Memory {
     let [t, y, x] = shape;
-    match dice.below(8) {
+    match dice.below(9) {
         0 => Memory::from_fn(shape, |_, _, _| 0.0),
         1 => Memory::from_fn(shape, |_, _, _| 100.0),
-        2 | 3 => {
+        // Zeros of both signs: SciPy keeps the sign, so such voxels must not be skipped.
+        2 => Memory::from_fn(shape, |a, b, _| if (a + b) % 40 < 20 { 0.0 } else { -0.0 }),
+        3 | 4 => {
             let blobs: Vec<[f64; 4]> = (0..1 + dice.below(5))
                 .map(|_| {
                     let place = |n: usize, d: &mut Dice| d.unit() * n as f64;

@@ -26,7 +26,7 @@ impl Log {
     ///
     /// # Errors
     /// Whatever the file system says.
-    pub fn note(&self, unit: &str, facts: Value) -> Result<(), Error> {
+    pub fn note(&self, unit: &str, facts: &Value) -> Result<(), Error> {
         let line = json!({
             "at": jiff::Timestamp::now().to_string(),
             "since_start_s": self.began.elapsed().as_secs_f64(),

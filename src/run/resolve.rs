@@ -264,7 +264,7 @@ impl Reader<'_> {
             ("longitude", s.longitude, 180.0),
             ("meridian", s.meridian, 180.0),
         ] {
-            if !(value.abs() <= bound) {
+            if value.is_nan() || value.abs() > bound {
                 return Err(self.wrong(format!(
                     "site.{key}: expected degrees from -{bound} to {bound} (north and east are positive), found {value}"
                 )));
@@ -443,7 +443,7 @@ impl Reader<'_> {
         let mut out = Vec::new();
         for t in &p.material {
             let model = match (&t.model, &t.bsdf) {
-                (Some(model), None) => model.clone(),
+                (Some(model), None) => *model,
                 (None, Some(_)) => {
                     return Err(Error::Unsupported(format!(
                         "{}: material.{}.bsdf: this version doesn't read BSDF files yet; use model = {{ kind = \"pv-glass\", … }}",
@@ -458,7 +458,7 @@ impl Reader<'_> {
                     )));
                 }
             };
-            models.insert(&t.name, model.clone());
+            models.insert(&t.name, model);
             out.push(candidate(&t.name, vec![model; p.pv.len()])?);
         }
         for case in &p.case {
@@ -486,7 +486,7 @@ impl Reader<'_> {
                         known()
                     ))
                 })?;
-                chosen.push(model.clone());
+                chosen.push(*model);
             }
             out.push(candidate(&case.name, chosen)?);
         }
@@ -645,7 +645,10 @@ impl Reader<'_> {
                     g.connectivity
                 ))
             })?;
-        if g.sigma.iter().any(|s| !(0.0..=1000.0).contains(s)) || !(g.truncate >= 0.0) {
+        if g.sigma.iter().any(|s| !(0.0..=1000.0).contains(s))
+            || g.truncate.is_nan()
+            || g.truncate < 0.0
+        {
             return Err(self.wrong(format!(
                 "glare.sigma and glare.truncate: expected numbers from 0, found {:?} and {}",
                 g.sigma, g.truncate

@@ -224,7 +224,7 @@ impl Job<'_> {
         if let Some(object) = facts.as_object_mut() {
             object.insert("took_s".into(), began.elapsed().as_secs_f64().into());
         }
-        self.log.note(unit, facts)?;
+        self.log.note(unit, &facts)?;
         self.summary.made.push(unit.into());
         Ok(())
     }

@@ -49,7 +49,7 @@ pub(in crate::run) fn trace(job: &mut Job<'_>) -> Result<(), Error> {
             site,
             timeline,
             bsdfs: site.pv.iter().map(|s| &candidate.bsdfs[s.entry]).collect(),
-            settings: resolved.trace.clone(),
+            settings: resolved.trace,
         };
         job.progress.say(&format!("{}: pilot", candidate.name));
         let plan = trace::plan(&emission, job.progress)?;

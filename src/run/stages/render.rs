@@ -111,7 +111,7 @@ fn maps(job: &mut Job<'_>, candidate: &Candidate, view: &PlannedView) -> Result<
     let quantity = job.resolved.quantity;
     let steps = job.timeline()?.steps.len();
     let bandwidth = view.series_bandwidth.unwrap_or_else(|| (3 * steps).max(4000));
-    let gather = Gather { bandwidth, ..view.annual.clone() };
+    let gather = Gather { bandwidth, ..view.annual };
     let series_name = job.folder.series(&candidate.name, &view.name);
     let series_path = job.folder.prepare(&series_name)?;
     let provenance = job.provenance(&key, &about);

@@ -106,8 +106,10 @@ fn largest(grid: &Grid<f32>) -> f32 {
 
 fn numbers(job: &Job<'_>, view: &PlannedView) -> Result<Section, Error> {
     let resolved = job.resolved;
-    let mut table = Table::default();
-    table.head = vec!["material".into(), "annual, largest (Wh/m²)".into(), "peak (W/m²)".into()];
+    let mut table = Table {
+        head: vec!["material".into(), "annual, largest (Wh/m²)".into(), "peak (W/m²)".into()],
+        rows: Vec::new(),
+    };
     for t in &resolved.project.glare.thresholds_w_m2 {
         table.head.push(format!("above {t} W/m²: most hours a year"));
         table.head.push("longest event (h)".into());

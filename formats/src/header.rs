@@ -60,7 +60,7 @@ pub fn write<T: Serialize>(
     write_padded(out, name, version, facts, 0)
 }
 
-/// [`write`], filled up to at least `reserved` bytes (a multiple of 64): for formats that learn
+/// [`write()`], filled up to at least `reserved` bytes (a multiple of 64): for formats that learn
 /// some of their facts only while they write what follows the header, and put it in front then.
 ///
 /// # Errors

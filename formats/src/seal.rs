@@ -47,7 +47,7 @@ pub fn write<E: From<io::Error>>(
     result
 }
 
-/// [`write`] for bytes that are already there.
+/// [`write()`] for bytes that are already there.
 ///
 /// # Errors
 /// Whatever the file system says.

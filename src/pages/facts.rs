@@ -51,7 +51,8 @@ pub struct StoreInfo {
     pub provenance: Provenance,
 }
 
-/// How far a search goes at most, in words; [`max_radius_m`] is the same in code.
+/// How far a search goes at most, in words; [`Store::max_radius_m`](super::Store::max_radius_m) is the
+/// same in code.
 pub const RADIUS_RULE: &str = "max_radius_m(k) = 2 sqrt(k a / pi), at least 0.05 m, at most 10 m; a = area_m2_per_photon \
 = lit area / photons, where the lit area is that of the octree cells with photons in them, divided until a cell holds at \
 most 16. Where photons lie as dense as on average, k of them fill a quarter of that circle; where they lie \

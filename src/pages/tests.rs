@@ -157,7 +157,7 @@ fn the_store_depends_on_the_photons_alone() {
             let expected = Built::new(&photons, size).bytes();
             photons.reverse();
             photons.rotate_left(234);
-            for (batch_photons, buffer_bytes) in [(1, 5000), (500, 50_000)] {
+            for (batch_photons, buffer_bytes) in [(40, 5000), (500, 50_000)] {
                 let size = Size { page_photons, batch_photons, buffer_bytes };
                 let built = Built::new(&photons, size);
                 assert!(built.bytes() == expected, "{shape:?} {size:?}");

@@ -1,9 +1,11 @@
+use std::collections::BTreeMap;
 use std::fmt::Write as _;
 use std::io::{BufWriter, Write};
 use std::path::{Path, PathBuf};
 
 use super::{Context, ours};
 use crate::pages::{Access, OpenOptions, Store};
+use crate::render::HitMap;
 
 /// Look into a file of glintmap's own, without touching it
 ///
@@ -22,9 +24,9 @@ pub(super) struct Arguments {
 
 pub(super) fn run(arguments: &Arguments, context: &Context) -> anyhow::Result<()> {
     let path = &arguments.file;
-    match ours::format_name(path, &["photons"])? {
+    match ours::format_name(path, &["photons", "hits"])? {
         "photons" => photons(path, arguments.per_timestep, context),
-        other => anyhow::bail!("{}: nothing is known about {other}", path.display()),
+        _ => hits(path, context),
     }
 }
 
@@ -83,6 +85,22 @@ fn photons(path: &Path, per_timestep: bool, context: &Context) -> anyhow::Result
         "bytes_per_photon": per_photon,
         "levels": levels,
     });
+    context.print(&document, &text)
+}
+
+fn hits(path: &Path, context: &Context) -> anyhow::Result<()> {
+    let (map, facts) = HitMap::read(path)?;
+    let mut counts: BTreeMap<&str, usize> = BTreeMap::new();
+    for hit in &map.hits {
+        *counts.entry(hit.kind.name()).or_default() += 1;
+    }
+    let mut text = format!("hits of {} x {} pixels\n", map.columns, map.rows);
+    for (kind, count) in &counts {
+        let share = 100.0 * *count as f64 / map.hits.len().max(1) as f64;
+        // Writing to a String doesn't fail.
+        let _ = writeln!(text, "{kind:<12} {count:>10}  {share:.1} %");
+    }
+    let document = serde_json::json!({ "format": "hits", "facts": facts, "pixels": counts });
     context.print(&document, &text)
 }
 

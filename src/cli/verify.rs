@@ -1,25 +1,26 @@
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use super::{Context, ours};
 use crate::base::limits::MAX_FINDINGS_SHOWN;
 use crate::pages;
+use crate::run::{self, Resolved};
+use crate::volume::Volume;
 
-/// Check every checksum of a file of glintmap's own, and list what is wrong
+/// Check every checksum of a file of glintmap's own, or of a whole project, and list what is wrong
 ///
-/// Reads the whole file. Exit code 0: sound; 3: something was found.
+/// Reads everything. Exit code 0: sound; 3: something was found.
 #[derive(Debug, clap::Args)]
-#[command(after_help = "Example:\n  glintmap verify run/standard/photons.gmp")]
+#[command(
+    after_help = "Examples:\n  glintmap verify church\n  glintmap verify church/run/standard/photons.gmp"
+)]
 pub(super) struct Arguments {
-    /// The file
-    file: PathBuf,
+    /// A project's folder, its project.toml, or a file of ours: .gmp, .gmh, .zarr
+    path: PathBuf,
 }
 
 pub(super) fn run(arguments: &Arguments, context: &Context) -> anyhow::Result<()> {
-    let path = &arguments.file;
-    let findings = match ours::format_name(path, &["photons"])? {
-        "photons" => pages::verify(path)?,
-        other => anyhow::bail!("{}: nothing is known about {other}", path.display()),
-    };
+    let path = &arguments.path;
+    let findings = findings(path, context)?;
     let mut lines: Vec<String> = findings.iter().take(MAX_FINDINGS_SHOWN).cloned().collect();
     if findings.len() > lines.len() {
         lines.push(format!("and {} more", findings.len() - lines.len()));
@@ -32,5 +33,21 @@ pub(super) fn run(arguments: &Arguments, context: &Context) -> anyhow::Result<()
     match findings.len() {
         0 => Ok(()),
         count => Err(pages::Error::Findings { path: path.clone(), count }.into()),
+    }
+}
+
+fn findings(path: &Path, context: &Context) -> anyhow::Result<Vec<String>> {
+    let is_project = path.join("project.toml").exists()
+        || path.extension().is_some_and(|extension| extension == "toml");
+    if is_project {
+        let resolved = Resolved::read(path, &[], 1 << 30)?;
+        return Ok(run::verify(&resolved, context.progress())?);
+    }
+    if path.is_dir() {
+        return Ok(Volume::open(path)?.verify(context.progress())?);
+    }
+    match ours::format_name(path, &["photons", "hits"])? {
+        "photons" => Ok(pages::verify(path)?),
+        _ => Ok(glintmap_formats::hits::verify(path)?),
     }
 }

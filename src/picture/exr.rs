@@ -52,10 +52,10 @@ pub fn write(
     seal::write_bytes(path, &bytes).map_err(Error::write(path))
 }
 
-/// [`write`] for channels that are already together.
+/// [`write()`] for channels that are already together.
 ///
 /// # Errors
-/// As [`write`].
+/// As [`write()`].
 pub fn write_channels(path: &Path, channels: &Channels) -> Result<(), Error> {
     let list: Vec<_> = channels.list().iter().map(|(n, g)| (n.as_str(), g)).collect();
     write(path, &list, &channels.attributes)

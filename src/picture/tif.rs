@@ -27,7 +27,7 @@ pub fn write(path: &Path, grid: &Grid<f32>) -> Result<(), Error> {
 /// Writes a colour picture of floats, linear light.
 ///
 /// # Errors
-/// As [`write`].
+/// As [`write()`].
 pub fn write_rgb(path: &Path, picture: &Rgb) -> Result<(), Error> {
     let (width, height) = size(path, picture)?;
     let samples: Vec<f32> = picture.data().iter().flatten().copied().collect();

@@ -14,6 +14,7 @@ mod resolve;
 mod runner;
 mod set;
 mod stages;
+mod verify;
 
 pub use clock::Clock;
 pub use create::{Demo, Quality, SiteAt, create, demo};
@@ -24,3 +25,4 @@ pub use project::Project;
 pub use resolve::{Candidate, DRAFT_BELOW_PHOTONS, PlannedView, Resolved};
 pub use runner::{Options, Stage, Summary, run};
 pub use set::Assignment;
+pub use verify::verify;

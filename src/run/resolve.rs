@@ -654,6 +654,9 @@ impl Reader<'_> {
                 g.sigma, g.truncate
             )));
         }
+        for rule in &g.rules {
+            glare::rules::built_in(rule).map_err(|e| self.wrong(format!("glare.rules: {e}")))?;
+        }
         Ok(glare::Settings {
             threshold: 0.0,
             sigma: g.sigma,

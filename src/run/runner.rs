@@ -147,6 +147,10 @@ pub fn run(
         timeline: OnceCell::new(),
     };
     estimate::refuse_full_disk(&job)?;
+    // Mistakes in the scene come up before anything is made.
+    if stages::needs_scene(&job)? {
+        job.site()?;
+    }
     for stage in Stage::ALL {
         if stage > options.until {
             break;

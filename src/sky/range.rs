@@ -83,7 +83,7 @@ impl HourRange {
         Ok(Self { from: number(from)?, to: number(to)?, step: number(step)? })
     }
 
-    /// How many hours there are; 0 unless [`check`](Self::check) passes.
+    /// How many hours there are; 0 unless the check of the range passes.
     pub fn count(self) -> u32 {
         // The cast saturates and NaN gives 0.
         if self.check().is_ok() {

@@ -19,10 +19,10 @@ pub fn write(path: &Path, picture: &Rgb, header_lines: &[String]) -> Result<(), 
     seal::write_bytes(path, &bytes).map_err(Error::write(path))
 }
 
-/// [`write`] into memory; `path` is for messages.
+/// [`write()`] into memory; `path` is for messages.
 ///
 /// # Errors
-/// As [`write`].
+/// As [`write()`].
 pub fn encode(path: &Path, picture: &Rgb, header_lines: &[String]) -> Result<Vec<u8>, Error> {
     let (columns, rows) = (picture.columns(), picture.rows());
     check_size(path, columns as u64, rows as u64, 3)?;

@@ -85,7 +85,10 @@ pub(in crate::run) fn attributes(
         ("glintmap.settings".to_owned(), p.settings),
         ("glintmap.seed".to_owned(), p.seed.to_string()),
     ];
-    out.extend(p.inputs.into_iter().map(|(k, v)| (format!("glintmap.input.{k}"), v)));
+    // In one attribute: OpenEXR's names end at 31 letters, file names don't.
+    let inputs: Vec<String> =
+        p.inputs.iter().map(|(name, hash)| format!("{name} {hash}")).collect();
+    out.push(("glintmap.inputs".to_owned(), inputs.join("\n")));
     out.extend(p.about.into_iter().map(|(k, v)| (format!("glintmap.{k}"), v)));
     let basis = match job.timeline().map(|t| t.basis) {
         Ok(SpectralBasis::Visible) => "visible",

@@ -7,6 +7,7 @@ mod pictures;
 mod render;
 mod report;
 mod suns;
+mod verdicts;
 
 use super::Error;
 use super::manifest::key_of;

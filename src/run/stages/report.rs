@@ -100,7 +100,7 @@ fn photons(job: &Job<'_>) -> Result<Section, Error> {
     })
 }
 
-fn largest(grid: &Grid<f32>) -> f32 {
+pub(super) fn largest(grid: &Grid<f32>) -> f32 {
     grid.data().iter().copied().fold(0.0, f32::max)
 }
 
@@ -144,6 +144,7 @@ fn numbers(job: &Job<'_>, view: &PlannedView) -> Result<Section, Error> {
         tables: vec![table],
         figures: Vec::new(),
     };
+    section.tables.extend(super::verdicts::table(job, view)?);
     section.tables.extend(longest_events(job, &events)?);
     Ok(section)
 }

@@ -1,0 +1,139 @@
+//! What the rules say of a view: its largest durations held against each limit, and how much of
+//! the view lies above it.
+
+use super::pictures::read;
+use super::render::read_hits;
+use crate::base::Grid;
+use crate::glare::rules::{self, Limit, Measured, Metrics, Outcome, Profile, Quantity};
+use crate::report::Table;
+use crate::run::Error;
+use crate::run::resolve::{Candidate, PlannedView};
+use crate::run::runner::Job;
+
+/// One duration map in the unit that limits use.
+struct Duration {
+    quantity: Quantity,
+    threshold_w_m2: f64,
+    map: Grid<f32>,
+}
+
+/// A row for each material, rule and limit.
+pub(super) fn table(job: &Job<'_>, view: &PlannedView) -> Result<Option<Table>, Error> {
+    let g = &job.resolved.project.glare;
+    let mut table = Table {
+        head: ["material", "rule", "limit", "largest here", "allowed", "verdict", "of the view"]
+            .map(str::to_owned)
+            .to_vec(),
+        rows: Vec::new(),
+    };
+    let profiles = g.rules.iter().map(|id| rules::built_in(id)).collect::<Result<Vec<_>, _>>()?;
+    if profiles.is_empty() {
+        return Ok(None);
+    }
+    let hits = read_hits(job, view)?;
+    let receivers = hits.hits.iter().filter(|h| h.kind.receives()).count();
+    for candidate in &job.resolved.candidates {
+        let durations = durations(job, candidate, view)?;
+        // Rules that judge unfiltered durations need sigma = [0, 0, 0].
+        let filtered = g.sigma.iter().any(|s| *s > 0.0);
+        let metrics = Metrics {
+            class: None,
+            measured: durations
+                .iter()
+                .map(|d| Measured {
+                    quantity: d.quantity,
+                    threshold_w_m2: Some(d.threshold_w_m2),
+                    filtered,
+                    value: f64::from(super::report::largest(&d.map)),
+                })
+                .collect(),
+            conditions: Vec::new(),
+        };
+        for profile in &profiles {
+            rows(candidate, profile, &metrics, &durations, receivers, &mut table);
+        }
+    }
+    Ok(Some(table))
+}
+
+fn durations(
+    job: &Job<'_>,
+    candidate: &Candidate,
+    view: &PlannedView,
+) -> Result<Vec<Duration>, Error> {
+    let mut out = Vec::new();
+    for &threshold in &job.resolved.project.glare.thresholds_w_m2 {
+        for (name, quantity, factor) in [
+            ("cumulative", Quantity::AnnualH, 1.0),
+            ("sustained", Quantity::SustainedMin, 60.0),
+            ("longest_run", Quantity::LongestRunMin, 60.0),
+        ] {
+            let file = job.folder.glare(&candidate.name, &view.name, threshold, name);
+            let map = read(job, &file.with_extension("exr"), &format!("{name}.h"))?;
+            out.push(Duration {
+                quantity,
+                threshold_w_m2: threshold,
+                map: map.map(|h| h * factor),
+            });
+        }
+    }
+    Ok(out)
+}
+
+fn rows(
+    candidate: &Candidate,
+    profile: &Profile,
+    metrics: &Metrics,
+    durations: &[Duration],
+    receivers: usize,
+    table: &mut Table,
+) {
+    let verdict = profile.judge(metrics);
+    if profile.limits.is_empty() {
+        let mut row = vec![candidate.name.clone(), profile.id.clone()];
+        row.extend(["none", "–", "–", "no numerical criterion", "–"].map(str::to_owned));
+        table.rows.push(row);
+    }
+    for (limit, judged) in profile.limits.iter().zip(&verdict.limits) {
+        let share = share_above(limit, durations, receivers).filter(|_| judged.value.is_some());
+        table.rows.push(vec![
+            candidate.name.clone(),
+            profile.id.clone(),
+            limit.id.clone(),
+            judged.value.map_or_else(|| "–".into(), |v| format!("{v:.1} {}", unit(limit))),
+            format!("{} {}", limit.value, unit(limit)),
+            words(judged.outcome).to_owned(),
+            share.map_or_else(|| "–".into(), |s| format!("{:.2} %", 100.0 * s)),
+        ]);
+    }
+}
+
+/// Share of the pixels that can receive light where the limit is exceeded.
+fn share_above(limit: &Limit, durations: &[Duration], receivers: usize) -> Option<f64> {
+    let fits = |d: &&Duration| {
+        d.quantity == limit.quantity && Some(d.threshold_w_m2) == limit.threshold_w_m2
+    };
+    let map = &durations.iter().find(fits)?.map;
+    let above = map.data().iter().filter(|v| f64::from(**v) > limit.value).count();
+    Some(above as f64 / receivers.max(1) as f64)
+}
+
+fn unit(limit: &Limit) -> &'static str {
+    match limit.quantity {
+        Quantity::SustainedMin | Quantity::LongestRunMin | Quantity::DailyTotalMin => "min",
+        Quantity::AnnualH => "h",
+        Quantity::Months => "months",
+        Quantity::LuminanceCdM2 => "cd/m²",
+        Quantity::AfterImageRatio | Quantity::BurnRatio => "times",
+    }
+}
+
+fn words(outcome: Outcome) -> &'static str {
+    match outcome {
+        Outcome::Exceeded => "exceeded somewhere",
+        Outcome::Kept => "kept everywhere",
+        Outcome::Excused => "excused by another limit",
+        Outcome::NotEvaluated => "not evaluated",
+        Outcome::NotApplicable => "not applicable",
+    }
+}

@@ -34,6 +34,9 @@ struct Quantity {
     bare: String,
     caption: String,
     scale: Scale,
+    /// Of a ratio: it isn't drawn where both parts are below this many Wh/m2, because there it
+    /// compares single photons.
+    faint_wh_m2: Option<f64>,
 }
 
 /// Draws everything.
@@ -162,7 +165,8 @@ fn quantities(job: &Job<'_>) -> Result<Vec<Quantity>, Error> {
     let top = |grids: &[Grid<f32>], share: f64| {
         scale::nice_ceiling(scale::percentile(grids, share).max(1e-6))
     };
-    let annual = all(job, "annual", "annual.wh_m2")?;
+    let annual = decades(top(&all(job, "annual", "annual.wh_m2")?, COVERED), &hours_unit);
+    let faintest = annual.min;
     out.push(Quantity {
         file: "annual".into(),
         channel: "annual.wh_m2".into(),
@@ -170,7 +174,8 @@ fn quantities(job: &Job<'_>) -> Result<Vec<Quantity>, Error> {
         legend: "annual radiant exposure".into(),
         bare: "no colour: less, or nothing".into(),
         caption: "Sunlight that the PV throws onto each surface, summed over the year; the sun's own light is not in it.".into(),
-        scale: decades(top(&annual, COVERED), &hours_unit),
+        scale: annual,
+        faint_wh_m2: None,
     });
     let peak = all(job, "peak", peak_channel)?;
     out.push(Quantity {
@@ -183,6 +188,7 @@ fn quantities(job: &Job<'_>) -> Result<Vec<Quantity>, Error> {
             "The largest value of any timestep, unfiltered; noise makes single pixels too bright."
                 .into(),
         scale: decades(top(&peak, COVERED), watts),
+        faint_wh_m2: None,
     });
     if let Some(reference) = resolved.reference {
         let name = &resolved.candidates[reference].name;
@@ -192,11 +198,12 @@ fn quantities(job: &Job<'_>) -> Result<Vec<Quantity>, Error> {
             channel: "ratio".into(),
             title: format!("Energy in a year compared with {name}"),
             legend: format!("ratio to {name}"),
-            bare: format!("no colour: {name} sends nothing here"),
+            bare: format!("no colour: both below {} {hours_unit}", scale::format_value(faintest)),
             caption: format!(
                 "Above 1 this material sends more light to a place than {name} does, below 1 less."
             ),
             scale: Scale::ratio(top(&ratio, 0.99).min(LARGEST_RATIO)),
+            faint_wh_m2: Some(faintest),
         });
     }
     for (file, title, meaning) in [
@@ -232,6 +239,7 @@ fn quantities(job: &Job<'_>) -> Result<Vec<Quantity>, Error> {
                 bare: "no colour: never above the threshold".into(),
                 caption: format!("{meaning} Irradiance {what}, smoothed in space and time as in the published method."),
                 scale: Scale::linear(max, "h"),
+                faint_wh_m2: None,
             });
         }
     }
@@ -269,7 +277,17 @@ fn draw(
         let file = format!("{}.{extension}", quantity.file);
         job.folder.map(&candidate.name, &view.name, &file)
     };
-    let data = read(job, &name("exr"), &quantity.channel)?;
+    let mut data = read(job, &name("exr"), &quantity.channel)?;
+    if let (Some(faint), Some(reference)) = (quantity.faint_wh_m2, job.resolved.reference) {
+        let new = annual(job, candidate, view)?;
+        let old = annual(job, &job.resolved.candidates[reference], view)?;
+        let sums = new.data().iter().zip(old.data()).map(|(n, o)| f64::from(n.max(*o)));
+        for (value, sum) in data.data_mut().iter_mut().zip(sums) {
+            if sum < faint {
+                *value = 0.0;
+            }
+        }
+    }
     let mut figure = Figure::new(&data, quantity.scale.clone());
     figure.title = format!("{}: {}", candidate.name, quantity.title);
     figure.subtitle = subtitle(job, view)?;

@@ -91,9 +91,9 @@ fn rays(site: &Site, seed: u64) -> Vec<[DVec3; 2]> {
 
 fn rtrace(bin: &Path, folder: &Path, rays: &[[DVec3; 2]]) -> Vec<Theirs> {
     let octree = Command::new(bin.join("oconv"))
-        .arg("scene.rad")
+        .args(["-f", "scene.rad"])
         .current_dir(folder)
-        .env("PATH", bin)
+        .env("PATH", format!("{}:/usr/bin:/bin", bin.display()))
         .output()
         .expect("oconv starts");
     assert!(octree.status.success(), "{}", String::from_utf8_lossy(&octree.stderr));
@@ -101,7 +101,7 @@ fn rtrace(bin: &Path, folder: &Path, rays: &[[DVec3; 2]]) -> Vec<Theirs> {
     let mut child = Command::new(bin.join("rtrace"))
         .args(["-h", "-w", "-ab", "0", "-lr", "0", "-oLpNm", "scene.oct"])
         .current_dir(folder)
-        .env("RAYPATH", bin.parent().unwrap().join("lib"))
+        .env("RAYPATH", format!(".:{}", bin.parent().unwrap().join("lib").display()))
         .stdin(Stdio::piped())
         .stdout(Stdio::piped())
         .stderr(Stdio::piped())
@@ -110,13 +110,18 @@ fn rtrace(bin: &Path, folder: &Path, rays: &[[DVec3; 2]]) -> Vec<Theirs> {
     let text: String = rays
         .iter()
         .map(|[o, d]| {
-            format!("{:.17e} {:.17e} {:.17e} {:.17e} {:.17e} {:.17e}\n", o.x, o.y, o.z, d.x, d.y, d.z)
+            format!(
+                "{:.17e} {:.17e} {:.17e} {:.17e} {:.17e} {:.17e}\n",
+                o.x, o.y, o.z, d.x, d.y, d.z
+            )
         })
         .collect();
     let mut stdin = child.stdin.take().unwrap();
     let feeder = std::thread::spawn(move || stdin.write_all(text.as_bytes()));
     let out = child.wait_with_output().unwrap();
-    feeder.join().unwrap().unwrap();
+    // rtrace stops reading where it fails; its message says more than the broken pipe.
+    let fed = feeder.join().unwrap();
+    assert!(fed.is_ok(), "{}", String::from_utf8_lossy(&out.stderr));
     let text = String::from_utf8(out.stdout).unwrap();
     let lines: Vec<Theirs> = text
         .lines()
@@ -155,12 +160,8 @@ fn first_hits_are_those_of_rtrace() {
             let label = format!("{name}, {}", WAYS[w].trim());
             let (mut both, mut apart) = (0, 0);
             for ([origin, direction], theirs) in rays.iter().zip(&theirs) {
-                let ours = site.bvh.closest(
-                    origin.as_vec3(),
-                    direction.as_vec3(),
-                    0.0,
-                    f32::INFINITY,
-                );
+                let ours =
+                    site.bvh.closest(origin.as_vec3(), direction.as_vec3(), 0.0, f32::INFINITY);
                 let (Some(ours), true) = (ours, theirs.hit) else {
                     apart += usize::from(ours.is_some() != theirs.hit);
                     continue;
@@ -174,8 +175,8 @@ fn first_hits_are_those_of_rtrace() {
                 let grazing = theirs.normal.dot(*direction).abs().max(0.02);
                 let bound_m = if *chord_m > 0.0 { 0.001 + 4.0 * chord_m / grazing } else { 0.001 };
                 let material = &site.materials[face.material as usize].name;
-                let same_modifier =
-                    theirs.modifier == *material || (theirs.modifier == "green" && material == "red");
+                let same_modifier = theirs.modifier == *material
+                    || (theirs.modifier == "green" && material == "red");
                 let turned = normal.dot(theirs.normal);
                 // rtrace turns normals to the ray.
                 let near = (point - theirs.point).length() <= bound_m;

@@ -12,10 +12,10 @@ use crate::site::log::Log;
 /// Reads a glTF or GLB file (metres, y up); `None` where faults were logged.
 pub(in crate::site) fn read(file: &Path, bytes: &[u8], log: &mut Log) -> Option<Mesh> {
     let place = || Place { file: file.to_owned(), ..Place::default() };
-    let document = match gltf::Gltf::from_slice(bytes) {
+    let document = match parse(bytes) {
         Ok(document) => document,
-        Err(e) => {
-            log.fault(place(), format!("not glTF 2.0 that can be read: {e}"));
+        Err(why) => {
+            log.fault(place(), format!("not glTF 2.0 that can be read: {why}"));
             return None;
         }
     };
@@ -48,6 +48,23 @@ pub(in crate::site) fn read(file: &Path, bytes: &[u8], log: &mut Log) -> Option<
         log.warn("files with textures", place(), message);
     }
     Some(reader.mesh)
+}
+
+/// Parses and validates. gltf 1.4.1 looks positions up while it validates their index: that one is
+/// checked before.
+fn parse(bytes: &[u8]) -> Result<gltf::Gltf, String> {
+    let words = |e: gltf::Error| e.to_string();
+    let gltf::Gltf { document, blob } =
+        gltf::Gltf::from_slice_without_validation(bytes).map_err(words)?;
+    let json = document.into_json();
+    let primitives = json.meshes.iter().flat_map(|mesh| &mesh.primitives);
+    for index in primitives.flat_map(|primitive| primitive.attributes.values()) {
+        if index.value() >= json.accessors.len() {
+            let count = json.accessors.len();
+            return Err(format!("a primitive names accessor {} of {count}", index.value()));
+        }
+    }
+    Ok(gltf::Gltf { document: gltf::Document::from_json(json).map_err(words)?, blob })
 }
 
 /// The bytes of every buffer.

@@ -118,7 +118,10 @@ fn text(mesh: &mut Mesh, text: &str, stem: &str) -> Result<(), (usize, String)> 
             }
             "" | "facet" | "outer" | "endfacet" | "endsolid" => {}
             other => {
-                return Err((number, format!("expected facet, vertex or endloop, found `{other}`")));
+                return Err((
+                    number,
+                    format!("expected facet, vertex or endloop, found `{other}`"),
+                ));
             }
         }
     }

@@ -6,7 +6,7 @@ use std::rc::Rc;
 use crate::base::limits;
 
 /// What reading one more file costs at least, bytes: empty ones aren't free either.
-const LEAST_BYTES: u64 = 256;
+const LEAST_BYTES: u64 = 4096;
 
 /// The files that a scene file includes: each is read once, and how much text they come to
 /// together is bounded.

@@ -19,6 +19,14 @@ pub const MAX_PHOTONS: u64 = 1 << 40;
 pub const MAX_HEADER_BYTES: usize = 1 << 20;
 /// Bytes of a scene, material or project file that is read whole.
 pub const MAX_TEXT_FILE_BYTES: u64 = 4 << 30;
+/// Copies that one `!xform` array may make.
+pub const MAX_XFORM_COPIES: u64 = 100_000;
+/// Bytes of scene text that commands of one Radiance file may expand to.
+pub const MAX_EXPANDED_BYTES: u64 = 1 << 30;
+/// How deep scene files may name each other.
+pub const MAX_NESTING: usize = 24;
+/// Heights of a terrain grid that are kept after clipping.
+pub const MAX_GRID_CELLS: usize = 64_000_000;
 /// Edge of the tiles in which views are rendered and volumes are stored, pixels.
 pub const TILE_EDGE: usize = 32;
 /// Findings that are printed before "and N more".

@@ -6,7 +6,7 @@ use super::draft::{Draft, Shape};
 use super::load::Source;
 use super::log::Log;
 use super::select::Candidate;
-use super::triangulate::{Flaw, MIN_AREA_M2, Triangulator};
+use super::triangulate::{Flaw, MIN_AREA_M2, Triangulator, keeps_its_normal};
 use super::{Error, Face, Triangle};
 use crate::base::{Place, limits};
 
@@ -71,6 +71,15 @@ impl<'a> Builder<'a> {
                 self.cut.extend(points.chunks_exact(3).map(|t| [t[0], t[1], t[2]]));
                 self.cut.retain(|t| as_f32(t).area_m2() > 0.0);
                 DVec3::ZERO
+            }
+            Shape::Flat(points) => {
+                let points = &draft.points[points.start as usize..points.end as usize];
+                self.cut.extend(points.chunks_exact(3).map(|t| [t[0], t[1], t[2]]));
+                let sum: DVec3 = self.cut.iter().map(|[a, b, c]| (b - a).cross(c - a)).sum();
+                let normal = sum.normalize_or_zero();
+                // Rounded to f32 a sliver may turn to any side; light that meets it would too.
+                self.cut.retain(|t| keeps_its_normal(t, normal));
+                normal
             }
             Shape::Planar(rings) => {
                 let rings: Vec<&[DVec3]> = rings.clone().map(|r| draft.ring(r)).collect();

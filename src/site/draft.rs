@@ -49,6 +49,8 @@ pub(super) enum Shape {
     Planar(Range<u32>),
     /// Triangles, three points each: indices into the draft's points.
     Curved(Range<u32>),
+    /// Triangles of one plane, three points each: indices into the draft's points.
+    Flat(Range<u32>),
 }
 
 /// Whether a point is one on Earth, in whatever coordinates. Numbers beyond would overflow in
@@ -89,6 +91,17 @@ impl Draft {
         let first = self.points.len() as u32;
         self.points.extend_from_slice(corners);
         Ok(Shape::Curved(first..self.points.len() as u32))
+    }
+
+    /// Adds triangles that lie in one plane.
+    pub fn add_flat(
+        &mut self,
+        corners: impl ExactSizeIterator<Item = DVec3>,
+    ) -> Result<Shape, Full> {
+        self.room(corners.len())?;
+        let first = self.points.len() as u32;
+        self.points.extend(corners);
+        Ok(Shape::Flat(first..self.points.len() as u32))
     }
 
     /// Adds a surface.

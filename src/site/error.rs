@@ -30,7 +30,7 @@ pub enum Error {
         limit: u64,
     },
     /// A kind of file that isn't read.
-    #[error("{}: can't tell the format from `{extension}`; this version reads .rad, .city.json (.json) and .city.jsonl (.jsonl){hint}", path.display())]
+    #[error("{}: can't tell the format from `{extension}`; known are .rad, .city.json (.json), .city.jsonl (.jsonl), .obj, .gltf, .glb, .ply, .stl, .asc and .tif{hint}", path.display())]
     Format {
         /// The file.
         path: PathBuf,
@@ -40,7 +40,7 @@ pub enum Error {
         hint: &'static str,
     },
     /// A setting that this version can't follow.
-    #[error("{}: {key} = \"{found}\" isn't supported yet; expected \"{expected}\": convert the file first", path.display())]
+    #[error("{}: {key} = \"{found}\" can't be followed; expected {expected}", path.display())]
     Setting {
         /// The file.
         path: PathBuf,
@@ -48,8 +48,18 @@ pub enum Error {
         key: &'static str,
         /// What the project says.
         found: String,
-        /// The only value there is.
+        /// What it may be.
         expected: &'static str,
+    },
+    /// A file whose format says neither its unit nor which axis points up.
+    #[error("{}: {format} files don't say {missing}; expected it in the project: {{ path = \"{}\", unit = \"m\", up = \"z\" }} (unit: m, cm, mm, km, in, ft; up: z, y, x)", path.display(), path.display())]
+    Unstated {
+        /// The file.
+        path: PathBuf,
+        /// Its format.
+        format: &'static str,
+        /// `their unit`, `which axis points up`, or both.
+        missing: &'static str,
     },
     /// A number of the project that makes no sense.
     #[error("{key} = {found}: expected {expected}")]

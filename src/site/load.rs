@@ -5,10 +5,14 @@ use std::path::{Path, PathBuf};
 use glam::DVec3;
 
 use super::build::Builder;
-use super::draft::{Draft, Full};
+use super::draft::{Draft, Full, Shape, Surface};
+use super::format::{Axes, Format, format_of};
 use super::log::Log;
-use super::placement::{extents, place, reference_system};
-use super::{Error, Material, Origin, PvSpec, SceneFile, SceneSpec, Site, cityjson, rad, select};
+use super::mesh::{Mesh, Owner};
+use super::placement::{LOCAL_REACH_M, extents, place, reference_system};
+use super::{
+    Error, Material, Object, Origin, PvSpec, SceneSpec, Site, cityjson, mesh, rad, select, terrain,
+};
 use crate::base::{Place, limits};
 
 /// A file of the scene, as it was read.
@@ -125,41 +129,6 @@ fn check(scene: &SceneSpec) -> Result<(), Error> {
     Ok(())
 }
 
-/// The formats that are read.
-#[derive(Clone, Copy, PartialEq)]
-enum Format {
-    Radiance,
-    CityJson,
-    CityJsonSequence,
-}
-
-fn format_of(file: &SceneFile) -> Result<Format, Error> {
-    for (key, value, expected) in [("unit", &file.unit, "m"), ("up", &file.up, "z")] {
-        if let Some(found) = value.clone().filter(|v| !v.eq_ignore_ascii_case(expected)) {
-            return Err(Error::Setting { path: file.path.clone(), key, found, expected });
-        }
-    }
-    let extension =
-        file.path.extension().unwrap_or_default().to_string_lossy().to_ascii_lowercase();
-    match extension.as_str() {
-        "rad" => Ok(Format::Radiance),
-        "json" => Ok(Format::CityJson),
-        "jsonl" => Ok(Format::CityJsonSequence),
-        other => Err(Error::Format {
-            path: file.path.clone(),
-            extension: other.to_owned(),
-            hint: match other {
-                "obj" | "gltf" | "glb" | "ply" | "stl" | "asc" | "tif" | "tiff" => {
-                    "; this format comes with a later version: convert the model until then (Radiance's obj2rad for .obj)"
-                }
-                "gml" | "xml" => "; convert CityGML with citygml-tools",
-                "oct" => "; give the scene files that the octree was made of",
-                _ => "",
-            },
-        }),
-    }
-}
-
 fn bytes_of(path: &Path) -> Result<Vec<u8>, Error> {
     let failed = |source| Error::Read { path: path.to_owned(), source };
     let meta = fs::metadata(path).map_err(failed)?;
@@ -180,7 +149,8 @@ fn read_all(
     log: &mut Log,
 ) -> Result<Vec<Source>, Error> {
     let too_many = |Full| Error::TooManyTriangles { limit: limits::MAX_TRIANGLES };
-    let formats: Vec<Format> = scene.files.iter().map(format_of).collect::<Result<_, _>>()?;
+    let formats: Vec<(Format, Axes)> =
+        scene.files.iter().map(format_of).collect::<Result<_, _>>()?;
     let selected = pv.iter().flat_map(|p| [&p.select.modifier, &p.select.material]);
     let mut names = rad::Names::new(scene.default_reflectance, selected.flatten().cloned());
     // City models say nothing about reflectances here: one material for all.
@@ -192,15 +162,37 @@ fn read_all(
     });
     let mut sources = Vec::new();
     let mut levels = Levels::default();
-    for (i, (file, &format)) in scene.files.iter().zip(&formats).enumerate() {
+    for (i, (file, &(format, axes))) in scene.files.iter().zip(&formats).enumerate() {
+        let mut source = Source::new(&file.path, format);
+        // Terrain is cut to what the other files hold.
+        if format.is_terrain() {
+            sources.push(source);
+            continue;
+        }
         let bytes = bytes_of(&file.path)?;
         let at = (i as u32, file.path.as_path());
         let (first_object, first_surface) = (draft.objects.len(), draft.surfaces.len());
-        let mut source = Source::new(&file.path, format != Format::Radiance);
         if format == Format::Radiance {
             let text = String::from_utf8_lossy(&bytes);
             rad::read(at, &text, &mut names, draft, log).map_err(too_many)?;
             source.objects = draft.objects.len() - first_object;
+        } else if format.is_mesh() {
+            let read = match format {
+                Format::Obj => mesh::obj(&file.path, &bytes, log),
+                Format::Gltf => mesh::gltf(&file.path, &bytes, log),
+                Format::Ply => mesh::ply(&file.path, &bytes, log),
+                _ => mesh::stl(&file.path, &bytes, log),
+            };
+            drop(bytes);
+            if let Some(read) = read {
+                source.is_city = is_on_a_map(&read, axes);
+                add_mesh(read, at, axes, plain, draft, log).map_err(too_many)?;
+            }
+            source.objects = draft.objects.len() - first_object;
+            if draft.surfaces.len() == first_surface && log.faults.is_empty() {
+                let message = "no geometry: expected at least one face of three vertices";
+                log.fault(Place { file: file.path.clone(), ..Place::default() }, message);
+            }
         } else {
             let how = (scene.lod.as_deref(), plain);
             let read = match format {
@@ -226,6 +218,9 @@ fn read_all(
             break;
         }
     }
+    if log.faults.is_empty() {
+        terrains(scene, &formats, plain, &mut sources, draft, log)?;
+    }
     levels.check(scene, log);
     if !log.faults.is_empty() {
         let stopped = log.full();
@@ -233,6 +228,134 @@ fn read_all(
     }
     names.finish(draft, log);
     Ok(sources)
+}
+
+/// Whether a mesh has map coordinates: no local model reaches that far.
+fn is_on_a_map(mesh: &Mesh, axes: Axes) -> bool {
+    mesh.points.iter().any(|&p| axes.metres(p).truncate().abs().max_element() > LOCAL_REACH_M)
+}
+
+/// Adds a mesh and its materials; those without a colour are as the project's default.
+fn add_mesh(
+    mesh: Mesh,
+    (source, file): (u32, &Path),
+    axes: Axes,
+    plain: u32,
+    draft: &mut Draft,
+    log: &mut Log,
+) -> Result<(), Full> {
+    let default = draft.materials[plain as usize].reflectance;
+    let materials: Vec<(u32, Option<u32>)> = mesh
+        .materials
+        .iter()
+        .map(|m| {
+            let reflectance = m.reflectance.unwrap_or(default);
+            draft.materials.push(Material { name: m.name.clone(), reflectance, diffuse: true });
+            (draft.materials.len() as u32 - 1, None)
+        })
+        .collect();
+    let owner = Owner { source, line: 0, object: None, materials: &materials, mirrored: false };
+    mesh.add(|p| axes.metres(p), &owner, draft, log, file)
+}
+
+/// How far beyond the other files terrain is kept, m: further than light is followed by default.
+const SURROUNDINGS_M: f64 = 300.0;
+/// Half of the edge of a terrain that stands alone, m: positions are exact enough within.
+const ALONE_M: f64 = 90_000.0;
+
+/// Reads the terrains, each cut to the surroundings of everything else.
+fn terrains(
+    scene: &SceneSpec,
+    formats: &[(Format, Axes)],
+    plain: u32,
+    sources: &mut [Source],
+    draft: &mut Draft,
+    log: &mut Log,
+) -> Result<(), Error> {
+    if !formats.iter().any(|(format, _)| format.is_terrain()) {
+        return Ok(());
+    }
+    let shift = match scene.origin {
+        Origin::At(origin) => origin,
+        Origin::Auto => DVec3::ZERO,
+    };
+    let mut known: Option<terrain::Region> = None;
+    for (source, extent) in sources.iter().zip(extents(draft, sources.len())) {
+        let Some([min, max]) = extent else { continue };
+        let shift = if source.is_city { DVec3::ZERO } else { shift };
+        let [low, high] = [min, max].map(|p| (p + shift).truncate());
+        known = Some(known.map_or([low, high], |[a, b]| [a.min(low), b.max(high)]));
+    }
+    let region = known.map(|[a, b]| [a - SURROUNDINGS_M, b + SURROUNDINGS_M]);
+    for (i, (file, &(format, _))) in scene.files.iter().zip(formats).enumerate() {
+        if !format.is_terrain() {
+            continue;
+        }
+        let place = |line| Place { file: file.path.clone(), line, ..Place::default() };
+        let bytes = bytes_of(&file.path)?;
+        let read = |region| match format {
+            Format::AsciiGrid => terrain::ascii(&bytes, region),
+            _ => terrain::geotiff(&bytes, region).map_err(|message| (0, message)),
+        };
+        let whole = || read(region);
+        let grid = match whole() {
+            Ok(grid) => grid,
+            Err((line, message)) => {
+                log.fault(place(line), message);
+                continue;
+            }
+        };
+        let grid = match region.is_none().then(|| alone(&grid)).flatten() {
+            Some(middle) => match read(Some(middle)) {
+                Ok(grid) => grid,
+                Err((line, message)) => {
+                    log.fault(place(line), message);
+                    continue;
+                }
+            },
+            None => grid,
+        };
+        let corners = terrain::triangles(&grid);
+        let [columns, rows] = grid.whole;
+        let message = format!(
+            "{columns} x {rows} heights, {} x {} around the scene kept; {} triangles within {} m of them",
+            grid.layout.columns,
+            grid.layout.rows,
+            corners.len() / 3,
+            terrain::ERROR_M
+        );
+        log.note(&file.path, message);
+        if corners.is_empty() {
+            log.fault(
+                place(0),
+                "no height lies around the other files: do they have the same map coordinates?",
+            );
+            continue;
+        }
+        let object = draft.objects.len() as u32;
+        let id = file.path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
+        draft.objects.push(Object { id, kind: "terrain".to_owned() });
+        let full = |Full| Error::TooManyTriangles { limit: limits::MAX_TRIANGLES };
+        let shape: Shape = draft.add_curved(&corners).map_err(full)?;
+        let surface =
+            Surface { shape, object, material: plain, modifier: None, source: i as u32, line: 0 };
+        draft.add_surface(surface).map_err(full)?;
+        sources[i].objects = 1;
+        sources[i].crs = grid.crs;
+    }
+    Ok(())
+}
+
+/// The middle of a grid that is larger than positions are exact.
+fn alone(grid: &terrain::Grid) -> Option<terrain::Region> {
+    let l = &grid.layout;
+    let corner = |c: usize, r: usize| l.origin + l.axes * glam::DVec2::new(c as f64, r as f64);
+    let (last, bottom) = (l.columns.saturating_sub(1), l.rows.saturating_sub(1));
+    let corners = [corner(0, 0), corner(last, 0), corner(0, bottom), corner(last, bottom)];
+    let low = corners.into_iter().reduce(glam::DVec2::min)?;
+    let high = corners.into_iter().reduce(glam::DVec2::max)?;
+    let middle = (low + high) * 0.5;
+    ((high - low).max_element() > 2.0 * ALONE_M).then_some([middle - ALONE_M, middle + ALONE_M])
 }
 
 /// Which levels of detail the city models have.
@@ -283,10 +406,10 @@ impl Levels {
 }
 
 impl Source {
-    fn new(file: &Path, is_city: bool) -> Self {
+    fn new(file: &Path, format: Format) -> Self {
         Self {
             file: file.to_owned(),
-            format: if is_city { "CityJSON" } else { "Radiance scene" }.to_owned(),
+            format: format.name().to_owned(),
             crs: None,
             levels_of_detail: BTreeMap::new(),
             objects: 0,
@@ -294,7 +417,7 @@ impl Source {
             triangles: 0,
             degenerate: 0,
             extent_m: None,
-            is_city,
+            is_city: format.is_city() || format.is_terrain(),
         }
     }
 

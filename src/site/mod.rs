@@ -1,6 +1,6 @@
 //! What stands there: the scene's surfaces, the PV among them, their materials, and the rays.
 //!
-//! Readers (`rad`, `cityjson`) put what they find, in the coordinates of the source and in f64,
+//! Readers (`rad`, `cityjson`, `mesh`, `terrain`) put what they find, in the coordinates of the source and in f64,
 //! into one draft; [`Site::load`] moves the draft to the local origin, turns it to true north, cuts
 //! its polygons into triangles, picks the PV and builds the hierarchy for rays.
 //!
@@ -15,13 +15,16 @@ pub mod check;
 mod cityjson;
 mod draft;
 mod error;
+mod format;
 mod load;
 mod log;
+mod mesh;
 mod placement;
 mod rad;
 mod scene;
 mod select;
 mod spec;
+mod terrain;
 mod triangulate;
 
 pub use bvh::{Bvh, RayHit};

@@ -7,7 +7,7 @@ use super::{Error, Origin, SceneSpec};
 use crate::base::Place;
 
 /// Coordinates up to here are taken as local where nothing else is said, m.
-const LOCAL_REACH_M: f64 = 10_000.0;
+pub(super) const LOCAL_REACH_M: f64 = 10_000.0;
 /// Largest coordinate: f32 steps are 8 mm there, m.
 const MAX_REACH_M: f64 = 100_000.0;
 
@@ -44,7 +44,7 @@ pub(super) fn extents(draft: &Draft, files: usize) -> Vec<Option<[DVec3; 2]>> {
         };
         match &surface.shape {
             Shape::Planar(rings) => rings.clone().for_each(|r| grow(draft.ring(r))),
-            Shape::Curved(points) => {
+            Shape::Curved(points) | Shape::Flat(points) => {
                 grow(&draft.points[points.start as usize..points.end as usize]);
             }
         }
@@ -145,7 +145,7 @@ pub(super) fn place(
             Shape::Planar(range) => {
                 rings[range.start as usize..range.end as usize].iter().for_each(&mut local);
             }
-            Shape::Curved(range) => local(range),
+            Shape::Curved(range) | Shape::Flat(range) => local(range),
         }
     }
     Ok(origin)

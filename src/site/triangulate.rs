@@ -140,7 +140,7 @@ impl Triangulator {
 /// Whether a triangle still faces where its polygon does after rounding to f32. Slivers may not;
 /// light that meets one would leave in any direction, so they are left out: a gap of less than a
 /// millimetre.
-fn keeps_its_normal(triangle: &[DVec3; 3], normal: DVec3) -> bool {
+pub(super) fn keeps_its_normal(triangle: &[DVec3; 3], normal: DVec3) -> bool {
     let [a, b, c] = triangle.map(|p| p.as_vec3());
     let area = (b - a).cross(c - a);
     let doubled = area.length();

@@ -3,4 +3,5 @@
 mod pages;
 mod project;
 mod site;
+mod site_formats;
 mod volume;

@@ -231,8 +231,8 @@ wall polygon last 0 0 9 0 0 0 1 0 0
             "scene.rad:8:29 (big)",
             "scene.rad:9:1 (none): sphere `none`: radius is 0",
             "scene.rad:10:1 (far): 1000000000000",
-            "scene.rad:11:1 (tree): instance `tree` refers to geometry in another file",
-            "scene.rad:12:1: `!xform -n tree -t 1 2 3 tree.rad` is a command",
+            "scene.rad:11:1 (tree): instance `tree` refers to `tree.oct`; octrees aren't read",
+            "scene.rad:12:1: can't read `",
             "the file ends after 6",
         ],
     );
@@ -268,11 +268,11 @@ fn scenes_without_anything() {
     let error = Site::load(&SceneSpec::of(["/no/such/church.rad"]), &[]).unwrap_err();
     assert_eq!(error.kind(), FaultKind::Input);
     says(&error.to_string(), &["church.rad", "No such file", "[scene] files"]);
-    let error = Site::load(&SceneSpec::of([files.write("x.obj", "v 0 0 0")]), &[]).unwrap_err();
-    says(&error.to_string(), &["x.obj", ".rad", ".city.json", "later version"]);
+    let error = Site::load(&SceneSpec::of([files.write("x.dxf", "v 0 0 0")]), &[]).unwrap_err();
+    says(&error.to_string(), &["x.dxf", ".rad", ".city.json", "glTF"]);
     let mut scene = SceneSpec::of([files.write("a.rad", SCENE)]);
     scene.files[0].unit = Some("ft".into());
-    says(&Site::load(&scene, &[]).unwrap_err().to_string(), &["unit = \"ft\"", "expected \"m\""]);
+    says(&Site::load(&scene, &[]).unwrap_err().to_string(), &["unit = \"ft\"", "expected m"]);
     scene.files = vec![SceneFile::new(files.folder.path())];
     says(&Site::load(&scene, &[]).unwrap_err().to_string(), &["can't tell the format"]);
 }

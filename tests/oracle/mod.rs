@@ -2,6 +2,7 @@
 
 mod glare;
 mod picture;
+mod scenes;
 mod sky;
 mod views;
 mod volume;

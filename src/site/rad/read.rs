@@ -2,17 +2,20 @@ use std::path::Path;
 
 use glam::DVec3;
 
+use super::command::{self, Copy};
+use super::files::Included;
 use super::lexer::{Lexer, Word};
 use super::materials::{self, Class};
 use super::names::{Names, Target};
 use super::shapes;
 use crate::base::{Place, limits};
-use crate::site::Object;
 use crate::site::draft::{Draft, Full, Shape, Surface, in_reach};
 use crate::site::log::Log;
+use crate::site::mesh::{self, Owner};
+use crate::site::{Material, Object};
 
-/// Reads a scene file into the draft. Faults go to the log; reading goes on with the next
-/// primitive until the log is full.
+/// Reads a scene file, and what it includes, into the draft. Faults go to the log; reading goes on
+/// with the next primitive until the log is full.
 pub(in crate::site) fn read(
     (source, file): (u32, &Path),
     text: &str,
@@ -20,16 +23,20 @@ pub(in crate::site) fn read(
     draft: &mut Draft,
     log: &mut Log,
 ) -> Result<(), Full> {
-    let mut reader = Reader { lexer: Lexer::new(text), file, source, names, draft, log };
-    while !reader.log.full() {
-        match reader.statement() {
-            Ok(true) => {}
-            Ok(false) => break,
-            Err(Stop::Resync) => reader.resync(),
-            Err(Stop::Full) => return Err(Full),
-        }
-    }
-    Ok(())
+    let mut included = Included::default();
+    let mut reader = Reader {
+        lexer: Lexer::new(text),
+        file,
+        source,
+        copy: &Copy::PLAIN,
+        depth: 0,
+        line: None,
+        included: &mut included,
+        names,
+        draft,
+        log,
+    };
+    reader.all()
 }
 
 enum Stop {
@@ -49,6 +56,13 @@ struct Reader<'a, 'b> {
     lexer: Lexer<'a>,
     file: &'b Path,
     source: u32,
+    /// How what stands here is placed.
+    copy: &'b Copy,
+    /// How many files include this one.
+    depth: usize,
+    /// In an included file: the line of the outermost file that includes it.
+    line: Option<u32>,
+    included: &'b mut Included,
     names: &'b mut Names,
     draft: &'b mut Draft,
     log: &'b mut Log,
@@ -60,22 +74,85 @@ struct Primitive<'a> {
     kind: &'a str,
     name: &'a str,
     head: Word<'a>,
+    strings: Vec<&'a str>,
     reals: Vec<f64>,
 }
 
 impl<'a> Reader<'a, '_> {
+    fn all(&mut self) -> Result<(), Full> {
+        while !self.log.full() {
+            match self.statement() {
+                Ok(true) => {}
+                Ok(false) => break,
+                Err(Stop::Resync) => self.resync(),
+                Err(Stop::Full) => return Err(Full),
+            }
+        }
+        Ok(())
+    }
+
+    /// Reads what a command would write.
+    fn command(&mut self, line: &str, number: u32, place: Place) -> Result<(), Stop> {
+        let command = match command::parse(line) {
+            Ok(command) => command,
+            Err(why) => {
+                let spelt = line.split_whitespace().collect::<Vec<_>>().join(" ");
+                self.log.fault(place, format!("command `!{spelt}`: {why}"));
+                return Ok(());
+            }
+        };
+        if self.depth >= limits::MAX_NESTING {
+            self.log.fault(
+                place,
+                format!(
+                    "files include each other more than {} deep; does `{}` include itself?",
+                    limits::MAX_NESTING,
+                    self.file.display()
+                ),
+            );
+            return Ok(());
+        }
+        for copy in &command.copies {
+            for name in &command.files {
+                let (path, bytes) = match self.included.open(self.file, name) {
+                    Ok(opened) => opened,
+                    Err(why) => {
+                        self.log.fault(place, why);
+                        return Ok(());
+                    }
+                };
+                let faults = self.log.faults.len();
+                let copy = copy.inside(self.copy);
+                let text = String::from_utf8_lossy(&bytes);
+                Reader {
+                    lexer: Lexer::new(&text),
+                    file: &path,
+                    source: self.source,
+                    copy: &copy,
+                    depth: self.depth + 1,
+                    line: Some(self.line.unwrap_or(number)),
+                    included: self.included,
+                    names: self.names,
+                    draft: self.draft,
+                    log: self.log,
+                }
+                .all()?;
+                // The next copy has the same faults.
+                if self.log.faults.len() > faults {
+                    return Ok(());
+                }
+            }
+        }
+        Ok(())
+    }
     /// Reads one primitive; false at the end of the file.
     fn statement(&mut self) -> Result<bool, Stop> {
         let Some(modifier) = self.lexer.word() else { return Ok(false) };
         if modifier.text.starts_with('!') {
-            let rest = self.lexer.skip_line();
             let place = self.lexer.place(self.file, modifier, "");
-            let command = format!("{}{rest}", modifier.text);
-            self.log.fault(place, format!(
-                "`{}` is a command; this version runs none (it will come with a later one): put what it writes into the file, for example with Radiance's `xform -e {}`",
-                command.split_whitespace().collect::<Vec<_>>().join(" "),
-                self.file.display()
-            ));
+            let rest = self.lexer.skip_line();
+            let line = format!("{}{rest}", &modifier.text[1..]);
+            self.command(&line, modifier.line, place)?;
             return Ok(true);
         }
         let kind = self.expect("a primitive's type", modifier)?;
@@ -156,6 +233,7 @@ impl<'a> Reader<'a, '_> {
             kind: kind.text,
             name: name.text,
             head: modifier,
+            strings: Vec::new(),
             reals: Vec::new(),
         };
         for what in ["string arguments", "integer arguments", "numbers"] {
@@ -172,6 +250,7 @@ impl<'a> Reader<'a, '_> {
                     return Err(self.fault(place, message));
                 };
                 if what == "string arguments" {
+                    primitive.strings.push(word.text);
                     continue;
                 }
                 let value = word.text.parse::<f64>().ok().filter(|v| v.is_finite());
@@ -227,17 +306,17 @@ impl<'a> Reader<'a, '_> {
     fn take(&mut self, p: &Primitive<'_>) -> Result<(), Stop> {
         match materials::classify(p.kind) {
             Class::Surface => self.surface(p),
-            Class::Nested => Err(self.fault(self.place(p), format!(
-                "{} `{}` refers to geometry in another file, which this version doesn't read: put its surfaces into the scene file",
-                p.kind, p.name
-            ))),
+            Class::Nested => self.nested(p),
             Class::Material | Class::Unknown => self.material(p),
             Class::Pattern => {
                 self.pattern(p);
                 Ok(())
             }
             Class::Mixture => {
-                let caveat = format!("{} `{}` isn't followed; taken as diffuse with the default reflectance", p.kind, p.name);
+                let caveat = format!(
+                    "{} `{}` isn't followed; taken as diffuse with the default reflectance",
+                    p.kind, p.name
+                );
                 let plain = self.names.plain(p.name);
                 self.names.define_material(self.draft, plain, self.place(p), Some(caveat));
                 Ok(())
@@ -278,29 +357,107 @@ impl<'a> Reader<'a, '_> {
         }
     }
 
+    /// `mesh`: its triangles, where the file is one that holds them as text.
+    fn nested(&mut self, p: &Primitive<'_>) -> Result<(), Stop> {
+        let file = p.strings.first().copied().unwrap_or_default();
+        let lower = file.to_ascii_lowercase();
+        if p.kind != "mesh" || !lower.ends_with(".obj") {
+            let how = match p.kind {
+                "mesh" => "Radiance's binary meshes aren't read: name the .obj that it was made of",
+                _ => "octrees aren't read: include the scene that it was made of with `!xform`",
+            };
+            let message = format!("{} `{}` refers to `{file}`; {how}", p.kind, p.name);
+            return Err(self.fault(self.place(p), message));
+        }
+        let words: Vec<String> = p.strings[1..].iter().map(|&w| w.to_owned()).collect();
+        let own = match command::transform(&words) {
+            Ok((transform, used)) if used == words.len() => transform,
+            Ok((_, used)) => {
+                let message = format!("xform doesn't know `{}` here", words[used]);
+                return Err(self.fault(self.place(p), message));
+            }
+            Err(why) => return Err(self.fault(self.place(p), why)),
+        };
+        let (path, bytes) =
+            self.included.open(self.file, file).map_err(|why| self.fault(self.place(p), why))?;
+        let Some(mesh) = mesh::obj(&path, &bytes, self.log) else { return Err(Stop::Resync) };
+        let transform = own.then(self.copy.transform);
+        let modifier = self.copy.modifier.as_deref().unwrap_or(p.modifier);
+        let object = self.object(p.name, p.kind);
+        let materials = self.mesh_materials(&mesh, modifier, self.place(p));
+        let owner = Owner {
+            source: self.source,
+            line: self.line.unwrap_or(p.head.line),
+            object: Some(object),
+            materials: &materials,
+            mirrored: transform.mirrors() != self.copy.inverts,
+        };
+        Ok(mesh.add(|q| transform.point(q), &owner, self.draft, self.log, &path)?)
+    }
+
+    /// The material of each of a mesh's: the primitive's, or by name where it says `void`.
+    fn mesh_materials(
+        &mut self,
+        mesh: &mesh::Mesh,
+        modifier: &str,
+        place: Place,
+    ) -> Vec<(u32, Option<u32>)> {
+        let mut out = Vec::new();
+        for own in &mesh.materials {
+            let name = if modifier == "void" { own.name.as_str() } else { modifier };
+            let number = self.names.number(self.draft, name);
+            let material = match self.names.find(name) {
+                Some(Target::Material(material)) => {
+                    self.names.warn_once(name, self.log);
+                    material
+                }
+                _ => {
+                    let plain = self.names.plain(name);
+                    let reflectance = own.reflectance.unwrap_or(plain.reflectance);
+                    let made = Material { reflectance, ..plain };
+                    self.names.define_material(self.draft, made, place.clone(), None);
+                    self.draft.materials.len() as u32 - 1
+                }
+            };
+            out.push((material, Some(number)));
+        }
+        out
+    }
+
+    /// A new object under the name that `-n` makes of one.
+    fn object(&mut self, name: &str, kind: &str) -> u32 {
+        let id = match &self.copy.prefix {
+            Some(prefix) => format!("{prefix}.{name}"),
+            None => name.to_owned(),
+        };
+        self.draft.objects.push(Object { id, kind: kind.to_owned() });
+        self.draft.objects.len() as u32 - 1
+    }
+
     fn surface(&mut self, p: &Primitive<'_>) -> Result<(), Stop> {
         if p.kind == "source" {
             let message = "source is ignored: suns and sky come from the project's [time]";
             self.log.warn("sources that are ignored", self.place(p), message);
             return Ok(());
         }
-        let target = self.names.find(p.modifier);
+        let modifier = self.copy.modifier.as_deref().unwrap_or(p.modifier);
+        let target = self.names.find(modifier);
         if target == Some(Target::Nothing) {
-            let message = format!("{} of `{}` is left out: rays pass it", p.kind, p.modifier);
+            let message = format!("{} of `{modifier}` is left out: rays pass it", p.kind);
             self.log.warn("surfaces that rays pass", self.place(p), message);
             return Ok(());
         }
         let shape = self.shape(p)?;
-        let modifier = self.names.number(self.draft, p.modifier);
-        let object = self.draft.objects.len() as u32;
-        self.draft.objects.push(Object { id: p.name.to_owned(), kind: p.kind.to_owned() });
+        let number = self.names.number(self.draft, modifier);
+        let kind = if self.copy.inverts { inside_out(p.kind) } else { p.kind };
+        let object = self.object(p.name, kind);
         let material = match target {
             Some(Target::Material(material)) => {
-                self.names.warn_once(p.modifier, self.log);
+                self.names.warn_once(modifier, self.log);
                 material
             }
             _ => {
-                self.names.wait(p.modifier, self.place(p), self.draft.surfaces.len());
+                self.names.wait(modifier, self.place(p), self.draft.surfaces.len());
                 0
             }
         };
@@ -308,9 +465,9 @@ impl<'a> Reader<'a, '_> {
             shape,
             object,
             material,
-            modifier: Some(modifier),
+            modifier: Some(number),
             source: self.source,
-            line: p.head.line,
+            line: self.line.unwrap_or(p.head.line),
         })?)
     }
 
@@ -328,32 +485,60 @@ impl<'a> Reader<'a, '_> {
         if let Some(message) = wrong {
             return Err(self.fault(self.place(p), message));
         }
-        let at = |i: usize| DVec3::new(r[i], r[i + 1], r[i + 2]);
+        let placed = &self.copy.transform;
+        let inverts = self.copy.inverts;
+        let at = |i: usize| placed.point(DVec3::new(r[i], r[i + 1], r[i + 2]));
         let first = self.draft.rings.len();
+        let grown = |(radii, negative): ([f64; 2], bool)| {
+            (radii.map(|radius| placed.length(radius)), negative != inverts)
+        };
         let made = match p.kind {
             "polygon" => {
-                self.draft.add_ring((0..r.len()).step_by(3).map(at))?;
+                let n = r.len() / 3;
+                let backward = placed.mirrors() != inverts;
+                let order = |i: usize| if backward { n - 1 - i } else { i };
+                if let Some(far) = (0..n).map(|i| at(3 * i)).find(|&q| !in_reach(q)) {
+                    return Err(self.fault(self.place(p), moved_off(far)));
+                }
+                self.draft.add_ring((0..n).map(|i| at(3 * order(i))))?;
                 return Ok(self.draft.planar_since(first));
             }
             "ring" => {
-                radii(&r[6..8]).and_then(|(radii, _)| shapes::ring(at(0), at(3), radii)).map(Ok)
+                let normal = placed.vector(DVec3::new(r[3], r[4], r[5]));
+                let normal = if inverts { -normal } else { normal };
+                radii(&r[6..8])
+                    .map(grown)
+                    .and_then(|(radii, _)| shapes::ring(at(0), normal, radii))
+                    .map(Ok)
             }
             "sphere" | "bubble" => radii(&[r[3], r[3]])
+                .map(grown)
                 .map(|(radii, negative)| {
                     shapes::sphere(at(0), radii[0], negative != (p.kind == "bubble"))
                 })
                 .map(Err),
             "cylinder" | "tube" => radii(&[r[6], r[6]])
+                .map(grown)
                 .and_then(|(radii, negative)| {
                     shapes::cone([at(0), at(3)], radii, negative != (p.kind == "tube"))
                 })
                 .map(Err),
             _ => radii(&r[6..8])
+                .map(grown)
                 .and_then(|(radii, negative)| {
                     shapes::cone([at(0), at(3)], radii, negative != (p.kind == "cup"))
                 })
                 .map(Err),
         };
+        let points = match &made {
+            Ok(Ok(rings)) => rings.first().and_then(|ring| ring.first()),
+            Ok(Err(corners)) => corners.first(),
+            Err(_) => None,
+        };
+        let reach = points.is_none_or(|&q| in_reach(q)) && placed.length(1.0) < 1e9;
+        if !reach {
+            return Err(self.fault(self.place(p), moved_off(points.copied().unwrap_or_default())));
+        }
         match made {
             Ok(Ok(rings)) => {
                 for ring in rings {
@@ -365,6 +550,25 @@ impl<'a> Reader<'a, '_> {
             Err(why) => Err(self.fault(self.place(p), format!("{} `{}`: {why}", p.kind, p.name))),
         }
     }
+}
+
+fn moved_off(point: DVec3) -> String {
+    format!("its transform moves it to {point}, which is no place in metres")
+}
+
+/// The type of a surface whose front became its back.
+fn inside_out(kind: &str) -> &str {
+    let pairs = [("sphere", "bubble"), ("cylinder", "tube"), ("cone", "cup")];
+    let other = pairs.iter().find_map(|&(a, b)| {
+        if kind == a {
+            Some(b)
+        } else if kind == b {
+            Some(a)
+        } else {
+            None
+        }
+    });
+    other.unwrap_or(kind)
 }
 
 /// What is wrong with a polygon of so many numbers.

@@ -1,0 +1,340 @@
+use std::collections::{HashMap, HashSet};
+use std::path::Path;
+
+use glam::{DMat4, DVec3, DVec4};
+use gltf::accessor::{DataType, Dimensions};
+use gltf::mesh::Mode;
+
+use super::model::{Colour, Facet, Mesh};
+use crate::base::{Place, limits};
+use crate::site::log::Log;
+
+/// Reads a glTF or GLB file (metres, y up); `None` where faults were logged.
+pub(in crate::site) fn read(file: &Path, bytes: &[u8], log: &mut Log) -> Option<Mesh> {
+    let place = || Place { file: file.to_owned(), ..Place::default() };
+    let document = match parse(bytes) {
+        Ok(document) => document,
+        Err(why) => {
+            log.fault(place(), format!("not glTF 2.0 that can be read: {why}"));
+            return None;
+        }
+    };
+    let mut reader = Reader {
+        buffers: Vec::new(),
+        mesh: Mesh::default(),
+        objects: HashMap::new(),
+        materials: HashMap::new(),
+        seen: HashSet::new(),
+        left_out: 0,
+        textured: 0,
+    };
+    let read = buffers(file, &document).and_then(|buffers| {
+        reader.buffers = buffers;
+        reader.scene(&document)
+    });
+    if let Err(message) = read {
+        log.fault(place(), message);
+        return None;
+    }
+    if reader.left_out > 0 {
+        let message = format!("{} primitives of points or lines are left out", reader.left_out);
+        log.warn("files with points or lines", place(), message);
+    }
+    if reader.textured > 0 {
+        let message = format!(
+            "{} materials have a texture, which isn't followed; taken as diffuse with the default reflectance",
+            reader.textured
+        );
+        log.warn("files with textures", place(), message);
+    }
+    Some(reader.mesh)
+}
+
+/// Parses and validates. gltf 1.4.1 looks positions up while it validates their index: that one is
+/// checked before.
+fn parse(bytes: &[u8]) -> Result<gltf::Gltf, String> {
+    let words = |e: gltf::Error| e.to_string();
+    let gltf::Gltf { document, blob } =
+        gltf::Gltf::from_slice_without_validation(bytes).map_err(words)?;
+    let json = document.into_json();
+    let primitives = json.meshes.iter().flat_map(|mesh| &mesh.primitives);
+    for index in primitives.flat_map(|primitive| primitive.attributes.values()) {
+        if index.value() >= json.accessors.len() {
+            let count = json.accessors.len();
+            return Err(format!("a primitive names accessor {} of {count}", index.value()));
+        }
+    }
+    Ok(gltf::Gltf { document: gltf::Document::from_json(json).map_err(words)?, blob })
+}
+
+/// The bytes of every buffer.
+fn buffers(file: &Path, document: &gltf::Gltf) -> Result<Vec<Vec<u8>>, String> {
+    let mut out = Vec::new();
+    for buffer in document.buffers() {
+        let bytes = match buffer.source() {
+            gltf::buffer::Source::Bin => document.blob.clone().unwrap_or_default(),
+            gltf::buffer::Source::Uri(uri) => match uri.strip_prefix("data:") {
+                Some(data) => {
+                    let (_, text) =
+                        data.split_once(";base64,").ok_or("a buffer's data URI isn't base64")?;
+                    base64(text).ok_or("a buffer's base64 text is damaged")?
+                }
+                None => external(file, uri)?,
+            },
+        };
+        if bytes.len() < buffer.length() {
+            return Err(format!(
+                "buffer {} should have {} bytes, found {}",
+                buffer.index(),
+                buffer.length(),
+                bytes.len()
+            ));
+        }
+        out.push(bytes);
+    }
+    Ok(out)
+}
+
+fn external(file: &Path, uri: &str) -> Result<Vec<u8>, String> {
+    let path = file.parent().unwrap_or(Path::new("")).join(unescaped(uri));
+    let failed = |why: String| format!("can't read the buffer `{}`: {why}", path.display());
+    let meta = std::fs::metadata(&path).map_err(|e| failed(e.to_string()))?;
+    if !meta.is_file() || meta.len() > limits::MAX_TEXT_FILE_BYTES {
+        return Err(failed("it is no ordinary file, or too large".to_owned()));
+    }
+    std::fs::read(&path).map_err(|e| failed(e.to_string()))
+}
+
+/// Replaces %20 and the like.
+fn unescaped(uri: &str) -> String {
+    let mut out = Vec::new();
+    let mut rest = uri.as_bytes();
+    while let Some((&b, after)) = rest.split_first() {
+        let hex = after.get(..2).filter(|_| b == b'%').and_then(|h| std::str::from_utf8(h).ok());
+        match hex.and_then(|h| u8::from_str_radix(h, 16).ok()) {
+            Some(value) => {
+                out.push(value);
+                rest = &after[2..];
+            }
+            None => {
+                out.push(b);
+                rest = after;
+            }
+        }
+    }
+    String::from_utf8_lossy(&out).into_owned()
+}
+
+fn base64(text: &str) -> Option<Vec<u8>> {
+    let mut out = Vec::with_capacity(text.len() / 4 * 3);
+    let (mut bits, mut count) = (0_u32, 0);
+    for b in text.bytes() {
+        let value = match b {
+            b'A'..=b'Z' => b - b'A',
+            b'a'..=b'z' => b - b'a' + 26,
+            b'0'..=b'9' => b - b'0' + 52,
+            b'+' | b'-' => 62,
+            b'/' | b'_' => 63,
+            b'=' => break,
+            _ => return None,
+        };
+        bits = bits << 6 | u32::from(value);
+        count += 6;
+        if count >= 8 {
+            count -= 8;
+            out.push((bits >> count) as u8);
+            bits &= (1 << count) - 1;
+        }
+    }
+    Some(out)
+}
+
+struct Reader {
+    buffers: Vec<Vec<u8>>,
+    mesh: Mesh,
+    objects: HashMap<String, u32>,
+    /// By index; `None` is the material of primitives without one.
+    materials: HashMap<Option<usize>, u32>,
+    /// Nodes that were met: they form trees.
+    seen: HashSet<usize>,
+    left_out: usize,
+    textured: usize,
+}
+
+impl Reader {
+    fn scene(&mut self, document: &gltf::Gltf) -> Result<(), String> {
+        let scene = document.default_scene().or_else(|| document.scenes().next());
+        let roots: Vec<_> = match scene {
+            Some(scene) => scene.nodes().collect(),
+            None => document.nodes().collect(),
+        };
+        let mut open: Vec<(gltf::Node<'_>, DMat4)> =
+            roots.into_iter().rev().map(|n| (n, DMat4::IDENTITY)).collect();
+        while let Some((node, parent)) = open.pop() {
+            if !self.seen.insert(node.index()) {
+                return Err(format!("node {} has two parents or is its own", node.index()));
+            }
+            let own = node.transform().matrix().map(|c| c.map(f64::from));
+            let world = parent * DMat4::from_cols_array_2d(&own);
+            if let Some(mesh) = node.mesh() {
+                let name = node.name().or(mesh.name()).map(str::to_owned);
+                let name = name.unwrap_or_else(|| format!("node{}", node.index()));
+                for primitive in mesh.primitives() {
+                    self.primitive(&primitive, world, &name)?;
+                }
+            }
+            let children: Vec<_> = node.children().map(|c| (c, world)).collect();
+            open.extend(children.into_iter().rev());
+        }
+        Ok(())
+    }
+
+    fn primitive(
+        &mut self,
+        primitive: &gltf::Primitive<'_>,
+        world: DMat4,
+        name: &str,
+    ) -> Result<(), String> {
+        let mode = primitive.mode();
+        if !matches!(mode, Mode::Triangles | Mode::TriangleStrip | Mode::TriangleFan) {
+            self.left_out += 1;
+            return Ok(());
+        }
+        let Some(accessor) = primitive.get(&gltf::Semantic::Positions) else { return Ok(()) };
+        if (accessor.data_type(), accessor.dimensions()) != (DataType::F32, Dimensions::Vec3) {
+            return Err(format!(
+                "accessor {}: positions are three 32-bit floats; quantised ones aren't read",
+                accessor.index()
+            ));
+        }
+        let first = self.mesh.points.len() as u32;
+        let count = accessor.count();
+        for i in 0..self.bounded(&accessor)? {
+            let raw = self.item(&accessor, i, 12)?;
+            let at = |k: usize| {
+                f64::from(f32::from_le_bytes([raw[k], raw[k + 1], raw[k + 2], raw[k + 3]]))
+            };
+            let p = world * DVec4::new(at(0), at(4), at(8), 1.0);
+            let p = DVec3::new(p.x, p.y, p.z);
+            if !p.is_finite() {
+                return Err(format!("accessor {}: vertex {i} lies at {p}", accessor.index()));
+            }
+            self.mesh.points.push(p);
+        }
+        let order: Vec<u32> = match primitive.indices() {
+            None => (0..count as u32).collect(),
+            Some(indices) => self.indices(&indices, count)?,
+        };
+        let object = self.mesh.object(&mut self.objects, name);
+        let material = self.material(&primitive.material());
+        // Mirroring nodes turn faces round; glTF says that they keep their front.
+        let mirrored = world.determinant() < 0.0;
+        let n = order.len();
+        let triangles = if mode == Mode::Triangles { n / 3 } else { n.saturating_sub(2) };
+        for t in 0..triangles {
+            let [a, mut b, mut c] = match mode {
+                Mode::Triangles => [3 * t, 3 * t + 1, 3 * t + 2],
+                Mode::TriangleStrip => [t, t + 1 + t % 2, t + 2 - t % 2],
+                _ => [0, t + 1, t + 2],
+            };
+            if mirrored {
+                (b, c) = (c, b);
+            }
+            if self.mesh.full() {
+                return Err(format!("more than {} triangles", limits::MAX_TRIANGLES));
+            }
+            let corners = [a, b, c].map(|i| first + order[i]);
+            self.mesh.triangles.push(Facet { corners, object, material, line: 0 });
+        }
+        Ok(())
+    }
+
+    fn bounded(&self, accessor: &gltf::Accessor<'_>) -> Result<usize, String> {
+        let count = accessor.count();
+        if count + self.mesh.points.len() > 3 * limits::MAX_TRIANGLES {
+            return Err(format!("accessor {} claims {count} items", accessor.index()));
+        }
+        Ok(count)
+    }
+
+    /// The bytes of an accessor's item; every number in the way is a claim.
+    fn item(&self, accessor: &gltf::Accessor<'_>, i: usize, size: usize) -> Result<&[u8], String> {
+        let plain = accessor.view().filter(|_| accessor.sparse().is_none());
+        let view = plain
+            .ok_or_else(|| format!("accessor {} is sparse, which isn't read", accessor.index()))?;
+        let stride = view.stride().unwrap_or(size);
+        let from = stride.checked_mul(i).and_then(|at| at.checked_add(accessor.offset()));
+        let inside =
+            from.filter(|from| from.checked_add(size).is_some_and(|end| end <= view.length()));
+        inside
+            .and_then(|from| {
+                let start = from.checked_add(view.offset())?;
+                self.buffers.get(view.buffer().index())?.get(start..start.checked_add(size)?)
+            })
+            .ok_or_else(|| {
+                format!("accessor {}: item {i} lies outside its buffer", accessor.index())
+            })
+    }
+
+    fn indices(&self, accessor: &gltf::Accessor<'_>, vertices: usize) -> Result<Vec<u32>, String> {
+        let size = match accessor.data_type() {
+            DataType::U8 => 1,
+            DataType::U16 => 2,
+            DataType::U32 => 4,
+            other => {
+                return Err(format!(
+                    "accessor {}: indices are unsigned, found {other:?}",
+                    accessor.index()
+                ));
+            }
+        };
+        let mut out = Vec::new();
+        for i in 0..self.bounded(accessor)? {
+            let raw = self.item(accessor, i, size)?;
+            let index = raw.iter().rev().fold(0, |n: u32, &b| n << 8 | u32::from(b));
+            if index as usize >= vertices {
+                return Err(format!(
+                    "accessor {}: index {index} of {vertices} vertices",
+                    accessor.index()
+                ));
+            }
+            out.push(index);
+        }
+        Ok(out)
+    }
+
+    fn material(&mut self, material: &gltf::Material<'_>) -> u32 {
+        if let Some(&i) = self.materials.get(&material.index()) {
+            return i;
+        }
+        let i = self.mesh.materials.len() as u32;
+        self.materials.insert(material.index(), i);
+        let pbr = material.pbr_metallic_roughness();
+        let textured = pbr.base_color_texture().is_some();
+        self.textured += usize::from(textured);
+        let [r, g, b, _] = pbr.base_color_factor();
+        let known = material.index().is_some() && !textured;
+        let reflectance =
+            known.then(|| [r, g, b].map(|v| if v.is_finite() { v.clamp(0.0, 1.0) } else { 0.0 }));
+        let name = match (material.name(), material.index()) {
+            (Some(name), _) => name.to_owned(),
+            (None, Some(index)) => format!("material{index}"),
+            (None, None) => "default".to_owned(),
+        };
+        self.mesh.materials.push(Colour { name, reflectance });
+        i
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn text_that_holds_bytes() {
+        assert_eq!(base64("AAECAw==").as_deref(), Some(&[0, 1, 2, 3][..]));
+        assert_eq!(base64("aGk").as_deref(), Some(&b"hi"[..]));
+        assert_eq!(base64("a!"), None);
+        assert_eq!(unescaped("a%20b%2"), "a b%2");
+    }
+}

@@ -1,0 +1,255 @@
+use std::path::Path;
+
+use glam::DVec3;
+
+use super::model::{Colour, Facet, Mesh, Polygon};
+use crate::base::{Place, limits};
+use crate::site::log::Log;
+
+/// Lines of header that are read.
+const MAX_HEADER_LINES: usize = 10_000;
+
+/// Reads a PLY file, text or binary of either byte order; `None` where faults were logged.
+pub(in crate::site) fn read(file: &Path, bytes: &[u8], log: &mut Log) -> Option<Mesh> {
+    let stem = file.file_stem().unwrap_or_default().to_string_lossy().into_owned();
+    let read = header(bytes).and_then(|(header, rest)| body(&header, rest, stem));
+    match read {
+        Ok(mesh) => Some(mesh),
+        Err((line, message)) => {
+            log.fault(Place { file: file.to_owned(), line, ..Place::default() }, message);
+            None
+        }
+    }
+}
+
+type Wrong = (usize, String);
+
+#[derive(Clone, Copy, PartialEq)]
+enum Encoding {
+    Text,
+    Little,
+    Big,
+}
+
+#[derive(Clone, Copy)]
+enum Scalar {
+    I8,
+    U8,
+    I16,
+    U16,
+    I32,
+    U32,
+    F32,
+    F64,
+}
+
+struct Property {
+    name: String,
+    /// For a list: of what type its length is.
+    length: Option<Scalar>,
+    scalar: Scalar,
+}
+
+struct Element {
+    name: String,
+    count: u64,
+    properties: Vec<Property>,
+}
+
+struct Header {
+    encoding: Encoding,
+    elements: Vec<Element>,
+}
+
+fn scalar(name: &str) -> Option<Scalar> {
+    Some(match name {
+        "char" | "int8" => Scalar::I8,
+        "uchar" | "uint8" => Scalar::U8,
+        "short" | "int16" => Scalar::I16,
+        "ushort" | "uint16" => Scalar::U16,
+        "int" | "int32" => Scalar::I32,
+        "uint" | "uint32" => Scalar::U32,
+        "float" | "float32" => Scalar::F32,
+        "double" | "float64" => Scalar::F64,
+        _ => return None,
+    })
+}
+
+fn header(bytes: &[u8]) -> Result<(Header, &[u8]), Wrong> {
+    let mut rest = bytes;
+    let mut encoding = None;
+    let mut elements: Vec<Element> = Vec::new();
+    for number in 1..=MAX_HEADER_LINES {
+        let end = rest.iter().position(|&b| b == b'\n');
+        let end = end.ok_or((number, "the file ends within its header".to_owned()))?;
+        let line = String::from_utf8_lossy(&rest[..end]).trim().to_owned();
+        rest = &rest[end + 1..];
+        let words: Vec<&str> = line.split_ascii_whitespace().collect();
+        let wrong = || (number, format!("`{line}` isn't a line of a PLY header"));
+        match words[..] {
+            ["ply"] if number == 1 => {}
+            _ if number == 1 => {
+                return Err((1, "expected `ply` on the first line: is it a PLY file?".to_owned()));
+            }
+            ["format", name, _] => {
+                encoding = Some(match name {
+                    "ascii" => Encoding::Text,
+                    "binary_little_endian" => Encoding::Little,
+                    "binary_big_endian" => Encoding::Big,
+                    _ => return Err(wrong()),
+                });
+            }
+            ["element", name, count] => {
+                let count = count.parse().map_err(|_| wrong())?;
+                elements.push(Element { name: name.to_owned(), count, properties: Vec::new() });
+            }
+            ["property", "list", length, of, name] => {
+                let element = elements.last_mut().ok_or_else(wrong)?;
+                let (length, scalar) = (scalar(length), scalar(of).ok_or_else(wrong)?);
+                length.ok_or_else(wrong)?;
+                element.properties.push(Property { name: name.to_owned(), length, scalar });
+            }
+            ["property", of, name] => {
+                let element = elements.last_mut().ok_or_else(wrong)?;
+                let scalar = scalar(of).ok_or_else(wrong)?;
+                element.properties.push(Property { name: name.to_owned(), length: None, scalar });
+            }
+            ["end_header"] => {
+                let encoding = encoding.ok_or((number, "no `format` in the header".to_owned()))?;
+                return Ok((Header { encoding, elements }, rest));
+            }
+            [] | ["comment" | "obj_info", ..] => {}
+            _ => return Err(wrong()),
+        }
+    }
+    Err((MAX_HEADER_LINES, "the header never ends".to_owned()))
+}
+
+/// The values of the body, one after another.
+struct Values<'a> {
+    encoding: Encoding,
+    bytes: &'a [u8],
+}
+
+impl Values<'_> {
+    fn next(&mut self, scalar: Scalar) -> Option<f64> {
+        if self.encoding == Encoding::Text {
+            let start = self.bytes.iter().position(|b| !b.is_ascii_whitespace())?;
+            let rest = &self.bytes[start..];
+            let end = rest.iter().position(u8::is_ascii_whitespace).unwrap_or(rest.len());
+            self.bytes = &rest[end..];
+            return std::str::from_utf8(&rest[..end]).ok()?.parse().ok();
+        }
+        match scalar {
+            Scalar::I8 => self.take().map(|b| f64::from(i8::from_le_bytes(b))),
+            Scalar::U8 => self.take().map(|b: [u8; 1]| f64::from(b[0])),
+            Scalar::I16 => self.take().map(|b| f64::from(i16::from_le_bytes(b))),
+            Scalar::U16 => self.take().map(|b| f64::from(u16::from_le_bytes(b))),
+            Scalar::I32 => self.take().map(|b| f64::from(i32::from_le_bytes(b))),
+            Scalar::U32 => self.take().map(|b| f64::from(u32::from_le_bytes(b))),
+            Scalar::F32 => self.take().map(|b| f64::from(f32::from_le_bytes(b))),
+            Scalar::F64 => self.take().map(f64::from_le_bytes),
+        }
+    }
+
+    /// The next bytes, least significant first.
+    fn take<const N: usize>(&mut self) -> Option<[u8; N]> {
+        let (mut first, rest) = self.bytes.split_first_chunk::<N>().map(|(a, b)| (*a, b))?;
+        self.bytes = rest;
+        if self.encoding == Encoding::Big {
+            first.reverse();
+        }
+        Some(first)
+    }
+}
+
+fn body(header: &Header, bytes: &[u8], stem: String) -> Result<Mesh, Wrong> {
+    let material = Colour { name: "default".to_owned(), reflectance: None };
+    let mut mesh = Mesh { objects: vec![stem], materials: vec![material], ..Mesh::default() };
+    let mut values = Values { encoding: header.encoding, bytes };
+    for element in &header.elements {
+        let axis = |axis: &str| element.properties.iter().position(|p| p.name == axis);
+        let axes = [axis("x"), axis("y"), axis("z")];
+        let is_vertex = element.name == "vertex";
+        if is_vertex && axes.contains(&None) {
+            return Err((0, "element vertex lacks x, y or z".to_owned()));
+        }
+        // Without properties there is nothing to read, however many there are.
+        if element.properties.is_empty() {
+            continue;
+        }
+        for i in 0..element.count {
+            if mesh.full() {
+                return Err((0, format!("more than {} faces", limits::MAX_TRIANGLES)));
+            }
+            let mut at = [0.0; 3];
+            let first = mesh.corners.len();
+            for (p, property) in element.properties.iter().enumerate() {
+                let ended = || {
+                    let (name, count) = (&element.name, element.count);
+                    (
+                        0,
+                        format!(
+                            "the header claims {count} times {name}; number {} is cut short or no number",
+                            i + 1
+                        ),
+                    )
+                };
+                let Some(length) = property.length else {
+                    let value = values.next(property.scalar).ok_or_else(ended)?;
+                    if let Some(k) = axes.iter().position(|&a| a == Some(p)).filter(|_| is_vertex) {
+                        at[k] = value;
+                    }
+                    continue;
+                };
+                let length = values.next(length).ok_or_else(ended)?;
+                let corners = element.name == "face" && property.name.starts_with("vertex_ind");
+                if corners && !(0.0..=limits::MAX_POLYGON_VERTICES as f64).contains(&length) {
+                    return Err((0, format!("face {} claims {length} vertices", i + 1)));
+                }
+                // The length is a claim: values are taken one by one until the file ends.
+                for _ in 0..length.max(0.0) as u64 {
+                    let value = values.next(property.scalar).ok_or_else(ended)?;
+                    if corners {
+                        if !(0.0..mesh.points.len() as f64).contains(&value) {
+                            return Err((
+                                0,
+                                format!(
+                                    "face {} names vertex {value} of {}",
+                                    i + 1,
+                                    mesh.points.len()
+                                ),
+                            ));
+                        }
+                        mesh.corners.push(value as u32);
+                    }
+                }
+            }
+            if is_vertex {
+                let at = DVec3::from(at);
+                if !at.is_finite() {
+                    return Err((0, format!("vertex {} lies at {at}", i + 1)));
+                }
+                mesh.points.push(at);
+                continue;
+            }
+            match mesh.corners[first..] {
+                [a, b, c] => {
+                    mesh.corners.truncate(first);
+                    mesh.triangles.push(Facet {
+                        corners: [a, b, c],
+                        object: 0,
+                        material: 0,
+                        line: 0,
+                    });
+                }
+                [_, _, _, _, ..] => {
+                    let corners = first as u32..mesh.corners.len() as u32;
+                    mesh.polygons.push(Polygon { corners, object: 0, material: 0, line: 0 });
+                }
+                _ => mesh.corners.truncate(first),
+            }
+        }
+    }
+    Ok(mesh)
+}

@@ -137,7 +137,7 @@ def sparse(options, folder):
 
 
 def memory(options, folder):
-    for timesteps in [200, 2000, 20000]:
+    for timesteps in options.lengths:
         path = folder / f"memory-{timesteps}.zarr"
         write_zarr(path, (timesteps, 2000, 2000), 0.01, 4)
         cpu, wall, peak = run(options.glintmap, path, folder / "out", ["--threshold", "10"], threads=2)
@@ -152,6 +152,7 @@ def main():
     parser.add_argument("--repeat", type=int, default=3)
     parser.add_argument("--sparse", action="store_true")
     parser.add_argument("--memory", action="store_true")
+    parser.add_argument("--lengths", type=int, nargs="+", default=[200, 2000, 20000], help="for --memory")
     parser.add_argument("--no-dense", action="store_true")
     options = parser.parse_args()
     with tempfile.TemporaryDirectory() as folder:

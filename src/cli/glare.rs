@@ -9,7 +9,7 @@ use serde_json::json;
 
 use super::{Context, size};
 use crate::base::{Grid, Provenance};
-use crate::glare::{self, Analysis, Connectivity, Settings, Slices};
+use crate::glare::{self, Analysis, Connectivity, Settings, Slices, YearMap};
 use crate::picture::exr;
 use crate::volume::{Volume, read_segments, segments_from_numbers};
 
@@ -110,6 +110,7 @@ fn analyse(arguments: &Analyse, context: &Context) -> anyhow::Result<()> {
     })
     .with_context(|| format!("{} can't be written", out.join("events.csv").display()))?;
     written.push("events.csv".to_owned());
+    write_year(out, &volume, &settings, context, &mut written)?;
 
     let most = |grid: &Grid<i32>| grid.data().iter().copied().max().unwrap_or(0);
     let document = json!({
@@ -152,6 +153,44 @@ fn segments(arguments: &Analyse, volume: &Volume) -> anyhow::Result<Vec<Range<us
         Some(word) if word.as_os_str() == "none" => std::iter::once(0..timesteps).collect(),
         Some(path) => segments_from_numbers(&read_segments(path, timesteps)?),
     })
+}
+
+/// The maps of the volume as it is, without any filter, as `.npy` (float32) and `.exr`; nothing
+/// where it has no calendar.
+fn write_year(
+    out: &Path,
+    volume: &Volume,
+    settings: &Settings,
+    context: &Context,
+    written: &mut Vec<String>,
+) -> anyhow::Result<()> {
+    let (Some(axis), Some(_)) = (volume.axis(), volume.tiles()) else { return Ok(()) };
+    let [_, rows, columns] = volume.shape();
+    let folder = out.join("unfiltered");
+    fs::create_dir_all(&folder).with_context(|| format!("{} can't be made", folder.display()))?;
+    let maps = YearMap::all(axis);
+    let npy_path = |map: YearMap| folder.join(format!("{}.npy", map.name()));
+    let create = |map: &YearMap| npy::Writer::<f32>::create(&npy_path(*map), &[rows, columns]);
+    let mut writers = maps.iter().map(create).collect::<Result<Vec<_>, _>>()?;
+    let mut push = |map: YearMap, band: &[f32]| {
+        let at = maps.iter().position(|m| *m == map).unwrap_or(0);
+        writers[at].push(band).map_err(io::Error::other)
+    };
+    glare::year(volume, settings.threshold, &mut push, context.progress())?;
+    let attributes = [
+        ("program".to_owned(), Provenance::PROGRAM.to_owned()),
+        ("threshold_w_m2".to_owned(), settings.threshold.to_string()),
+    ];
+    for (writer, map) in writers.into_iter().zip(maps) {
+        let (name, path) = (map.name(), npy_path(map));
+        writer.finish().with_context(|| path.display().to_string())?;
+        // One map in memory at a time.
+        let grid = Grid::from_vec(columns, rows, npy::Reader::<f32>::open(&path)?.read_all()?);
+        let file = format!("{name}.exr");
+        exr::write(&folder.join(&file), &[(name.as_str(), &grid)], &attributes)?;
+        written.extend([format!("unfiltered/{name}.npy"), format!("unfiltered/{file}")]);
+    }
+    Ok(())
 }
 
 /// Each map as `.npy` (int32) and as `.exr`, timestep counts.

@@ -133,6 +133,12 @@ pub enum Error {
     /// The filtered volume can't be written.
     #[error("the filtered volume can't be written")]
     Filtered(#[source] io::Error),
+    /// The length of a timestep can't be right.
+    #[error("the volume's time step is {0} h, expected more than 0 and at least a second")]
+    Step(f64),
+    /// The maps of the year can't be written.
+    #[error("the maps of the year can't be written")]
+    Maps(#[source] io::Error),
     /// The user asked to stop.
     #[error(transparent)]
     Interrupted(#[from] Interrupted),

@@ -24,6 +24,7 @@ mod threshold;
 mod track;
 mod vector;
 mod window;
+mod year;
 
 pub use error::Error;
 pub use event::Event;
@@ -33,3 +34,4 @@ pub use settings::{Connectivity, Settings};
 pub use sheet::write_events;
 pub use slices::{Calendar, ReadFailure, Slices};
 pub use stream::{Analysis, Filtered, analyse, analyse_planned, plan};
+pub use year::{YearMap, YearRows, year};

@@ -2,6 +2,8 @@ use std::error::Error as StdError;
 use std::ops::Range;
 
 use crate::base::FaultKind;
+#[cfg(doc)]
+use crate::base::limits::TILE_EDGE;
 use crate::volume::{self, Volume};
 
 /// Why a volume's slices could not be read.
@@ -36,6 +38,23 @@ pub trait Slices: Sync {
     /// Whatever keeps the volume from being read.
     fn read(&self, range: Range<usize>, out: &mut [f32]) -> Result<(), ReadFailure>;
 
+    /// [`Self::read`] into room that was used before. `lit` has an entry for each slice and each
+    /// tile of [`TILE_EDGE`] x [`TILE_EDGE`] pixels, `[slice, tile row, tile column]`: on entry
+    /// `false` says that `out` is all +0 there, on return that the volume is. A volume that can't
+    /// tell says `true` everywhere.
+    ///
+    /// # Errors
+    /// Whatever keeps the volume from being read.
+    fn read_lit(
+        &self,
+        range: Range<usize>,
+        out: &mut [f32],
+        lit: &mut [bool],
+    ) -> Result<(), ReadFailure> {
+        lit.fill(true);
+        self.read(range, out)
+    }
+
     /// How many timesteps are best read at once, beginning at a multiple of that number.
     fn chunk_timesteps(&self) -> usize {
         1
@@ -60,6 +79,15 @@ impl Slices for Volume {
 
     fn read(&self, range: Range<usize>, out: &mut [f32]) -> Result<(), ReadFailure> {
         Ok(Volume::read(self, range, out)?)
+    }
+
+    fn read_lit(
+        &self,
+        range: Range<usize>,
+        out: &mut [f32],
+        lit: &mut [bool],
+    ) -> Result<(), ReadFailure> {
+        Ok(Volume::read_lit(self, range, out, lit)?)
     }
 
     fn chunk_timesteps(&self) -> usize {

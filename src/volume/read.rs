@@ -7,10 +7,11 @@ use glintmap_formats::npy;
 use rayon::prelude::*;
 
 use super::axis::{Axis, TimeAxis, segments_from_numbers};
-use super::layout::{CHUNK_TIMESTEPS, Tiling};
+use super::layout::{CHUNK_TIMESTEPS, CHUNK_VALUES, Tiling};
 use super::tiles::{Scratch, Tiles};
 use super::write::Summary;
 use super::{Error, Quantity, layout};
+use crate::base::TileRect;
 use crate::base::limits::TILE_EDGE;
 
 /// Memory that the indexes of all shards together take, unless told.
@@ -134,6 +135,23 @@ impl Volume {
     /// # Errors
     /// A range beyond the volume, an `out` of another length; damaged or lost parts.
     pub fn read(&self, range: Range<usize>, out: &mut [f32]) -> Result<(), Error> {
+        let mut lit = vec![true; range.len().saturating_mul(self.tiling.tiles())];
+        self.read_lit(range, out, &mut lit)
+    }
+
+    /// [`Self::read`] into room that was used before, where what is dark takes no time. `lit` has
+    /// an entry for each slice and each tile of 32 x 32 pixels, `[slice, tile row, tile column]`.
+    /// On entry `false` says that `out` is all +0 there, on return that the volume is; `true` says
+    /// nothing.
+    ///
+    /// # Errors
+    /// As [`Self::read`], and a `lit` of another length. After an error `lit` means nothing.
+    pub fn read_lit(
+        &self,
+        range: Range<usize>,
+        out: &mut [f32],
+        lit: &mut [bool],
+    ) -> Result<(), Error> {
         let pixels = self.tiling.rows * self.tiling.columns;
         if range.start > range.end || range.end > self.tiling.timesteps {
             return Err(Error::Shape {
@@ -149,32 +167,48 @@ impl Volume {
                 found: out.len().to_string(),
             });
         }
+        let flags = range.len().saturating_mul(self.tiling.tiles());
+        if lit.len() != flags {
+            return Err(Error::Shape {
+                what: "room for what is lit",
+                expected: format!("{flags} flags"),
+                found: lit.len().to_string(),
+            });
+        }
         match &self.source {
             Source::Npy(reader) => {
+                lit.fill(true);
                 let first = range.start as u64 * pixels as u64;
                 reader.read_at(first, out).map_err(Error::npy(&self.path))
             }
             Source::Zarr(_) if range.is_empty() => Ok(()),
-            Source::Zarr(tiles) => self.read_tiles(tiles, range, out),
+            Source::Zarr(tiles) => self.read_tiles(tiles, range, out, lit),
         }
     }
 
-    fn read_tiles(&self, tiles: &Tiles, range: Range<usize>, out: &mut [f32]) -> Result<(), Error> {
+    fn read_tiles(
+        &self,
+        tiles: &Tiles,
+        range: Range<usize>,
+        out: &mut [f32],
+        lit: &mut [bool],
+    ) -> Result<(), Error> {
         let Tiling { rows, columns, .. } = self.tiling;
         let across = self.tiling.across();
         // What a chunk fills lies scattered over the slices, but no two rows of tiles share any of
         // it: each of them, for each 16 timesteps, is a piece of work of its own.
-        let mut work: Vec<Vec<&mut [f32]>> = Vec::new();
+        let mut work: Vec<Vec<Band<'_>>> = Vec::new();
         let mut chunks = Vec::new();
-        let mut slices = out.chunks_mut(rows * columns);
+        let mut slices = out.chunks_mut(rows * columns).zip(lit.chunks_mut(self.tiling.tiles()));
         let mut from = range.start;
         while from < range.end {
             let to = (from / CHUNK_TIMESTEPS + 1).saturating_mul(CHUNK_TIMESTEPS).min(range.end);
             let base = work.len();
             work.resize_with(base + self.tiling.down(), Vec::new);
-            for slice in slices.by_ref().take(to - from) {
-                for (row, band) in slice.chunks_mut(TILE_EDGE * columns).enumerate() {
-                    work[base + row].push(band);
+            for (slice, lit) in slices.by_ref().take(to - from) {
+                let bands = slice.chunks_mut(TILE_EDGE * columns).zip(lit.chunks_mut(across));
+                for (row, (numbers, lit)) in bands.enumerate() {
+                    work[base + row].push(Band { numbers, lit });
                 }
             }
             chunks.push((from / CHUNK_TIMESTEPS, from % CHUNK_TIMESTEPS));
@@ -186,27 +220,29 @@ impl Volume {
                 let scratch = scratch.as_mut().map_err(|_| self.no_memory())?;
                 let row = number % self.tiling.down();
                 let (chunk, skip) = chunks[number / self.tiling.down()];
-                bands.iter_mut().for_each(|band| band.fill(0.0));
                 for column in 0..across {
-                    let tile = self.tiling.rect(row * across + column);
-                    tiles.decode(
-                        row * across + column,
-                        chunk..chunk + 1,
-                        scratch,
-                        |_, plain| {
-                            for (slice, band) in bands.iter_mut().enumerate() {
-                                let plain = &plain[(skip + slice) * TILE_EDGE * TILE_EDGE * 4..];
-                                for row in 0..tile.rows {
-                                    let at = row * columns + tile.column;
-                                    let to = &mut band[at..at + tile.columns];
-                                    let from = &plain[row * TILE_EDGE * 4..][..tile.columns * 4];
-                                    for (value, bytes) in to.iter_mut().zip(from.chunks_exact(4)) {
-                                        *value = number_from(bytes);
-                                    }
+                    let number = row * across + column;
+                    let tile = self.tiling.rect(number);
+                    let mut found = false;
+                    tiles.decode(number, chunk..chunk + 1, scratch, |_, plain| {
+                        found = true;
+                        let slices = plain.chunks_exact(TILE_EDGE * TILE_EDGE * 4).skip(skip);
+                        for (plain, band) in slices.zip(&mut bands) {
+                            band.lit[column] = true;
+                            let lines = plain.chunks_exact(TILE_EDGE * 4);
+                            for (to, from) in band.lines(&tile, columns).zip(lines) {
+                                for (value, bytes) in to.iter_mut().zip(from.chunks_exact(4)) {
+                                    *value = number_from(bytes);
                                 }
                             }
-                        },
-                    )?;
+                        }
+                    })?;
+                    if !found {
+                        for band in bands.iter_mut().filter(|band| band.lit[column]) {
+                            band.lit[column] = false;
+                            band.lines(&tile, columns).for_each(|line| line.fill(0.0));
+                        }
+                    }
                 }
                 Ok(())
             },
@@ -215,6 +251,45 @@ impl Volume {
 
     fn no_memory(&self) -> Error {
         Error::io(&self.path)(std::io::ErrorKind::OutOfMemory.into())
+    }
+
+    /// How many tiles of at most 32 x 32 pixels there are, row by row; `None` for `.npy`, whose
+    /// pixels can't be read one tile at a time.
+    pub fn tiles(&self) -> Option<usize> {
+        match &self.source {
+            Source::Zarr(_) => Some(self.tiling.tiles()),
+            Source::Npy(_) => None,
+        }
+    }
+
+    /// Reads all timesteps of tile `number` in order, some at a time: `each` gets the first
+    /// timestep and `[timestep, 32, 32]` numbers, W/m2. What is left out is 0; what lies beyond
+    /// the picture or the year is padding. Returns the tile's pixels.
+    ///
+    /// # Errors
+    /// A tile beyond the volume, an `.npy` file; damaged or lost parts.
+    pub fn read_tile(
+        &self,
+        number: usize,
+        mut each: impl FnMut(usize, &[f32]),
+    ) -> Result<TileRect, Error> {
+        let (Source::Zarr(tiles), true) = (&self.source, number < self.tiling.tiles()) else {
+            return Err(Error::Shape {
+                what: "tile",
+                expected: format!("one of {} of a volume in Zarr", self.tiling.tiles()),
+                found: number.to_string(),
+            });
+        };
+        let mut scratch = Scratch::new(&self.path)?;
+        let mut numbers = vec![0.0; CHUNK_VALUES];
+        tiles.decode(number, 0..self.tiling.chunks(), &mut scratch, |chunk, plain| {
+            for (number, bytes) in numbers.iter_mut().zip(plain.chunks_exact(4)) {
+                *number = number_from(bytes);
+            }
+            let (first, last) = self.tiling.chunk_timesteps(chunk);
+            each(first, &numbers[..(last - first) * TILE_EDGE * TILE_EDGE]);
+        })?;
+        Ok(self.tiling.rect(number))
     }
 
     /// The whole series of one pixel, W/m2, one number for each timestep.
@@ -261,6 +336,21 @@ impl Volume {
             }
         }
         Ok(out)
+    }
+}
+
+/// A row of tiles in one slice.
+struct Band<'a> {
+    numbers: &'a mut [f32],
+    /// For each tile whether it may hold anything but +0.
+    lit: &'a mut [bool],
+}
+
+impl Band<'_> {
+    /// The rows of one tile.
+    fn lines(&mut self, tile: &TileRect, columns: usize) -> impl Iterator<Item = &mut [f32]> {
+        let within = tile.column..tile.column + tile.columns;
+        self.numbers.chunks_exact_mut(columns).map(move |row| &mut row[within.clone()])
     }
 }
 

@@ -1,8 +1,10 @@
 //! The streaming glare analysis, held against SciPy (`tools/oracles/glare_reference.py`) and
 //! against a slow twin of our own.
 
+mod sparse;
 mod twin;
 mod volumes;
+mod year;
 
 use std::fs;
 use std::ops::Range;

@@ -1,0 +1,169 @@
+#!/usr/bin/env python3
+"""The glare analysis against SciPy and cc3d, in one run, on one core each.
+
+    bench_glare.py GLINTMAP [--shape 64 1000 1000] [--repeat 3] [--sparse]
+
+GLINTMAP is a release build of the program. Times are the CPU's (user and system), so that other
+programs on the machine matter less; the best of several repeats counts. The volume is read from
+the page cache by glintmap, and lies in memory for SciPy and cc3d, which is to their favour.
+
+1. Gaussian: glintmap with a threshold that nothing reaches, including its reading of the file,
+   against scipy.ndimage.gaussian_filter, sigma 1.
+2. Threshold, events and all durations: glintmap without a filter, against the threshold and
+   scipy.ndimage.label alone (no durations), and against cc3d. Two masks: blobs like glare of which
+   some per cent lie above the threshold, and 30 % of independent noise.
+3. --sparse: a volume in Zarr of 1,280 x 1,000 x 4,000 (20 GB dense), where 1 % of the chunks hold
+   blobs: wall clock, with both cores. It is written as a Zarr file of another program.
+4. --memory: the highest RssAnon for 200 to 20,000 timesteps with 4 million pixels, 1 % lit.
+"""
+import argparse
+import os
+import pathlib
+import shutil
+import subprocess
+import tempfile
+import time
+
+import numpy as np
+import scipy.ndimage as ndi
+
+
+def cpu_of(call, repeat):
+    best = float("inf")
+    for _ in range(repeat):
+        start = time.process_time()
+        call()
+        best = min(best, time.process_time() - start)
+    return best
+
+
+def run(program, volume, out, arguments, threads=1):
+    """CPU seconds, wall seconds and highest anonymous memory in MiB of one analysis."""
+    before = os.times()
+    start = time.perf_counter()
+    child = subprocess.Popen(
+        [program, "glare", "analyse", str(volume), "--out", str(out), "--quiet",
+         "--threads", str(threads), *map(str, arguments)], stdout=subprocess.DEVNULL)
+    peak = 0
+    while child.poll() is None:
+        try:
+            for line in open(f"/proc/{child.pid}/status"):
+                if line.startswith("RssAnon"):
+                    peak = max(peak, int(line.split()[1]))
+        except OSError:
+            pass
+        time.sleep(0.02)
+    wall = time.perf_counter() - start
+    after = os.times()
+    if child.returncode:
+        raise SystemExit(f"glintmap failed with {child.returncode}")
+    cpu = after.children_user + after.children_system - before.children_user - before.children_system
+    return cpu, wall, peak / 1024
+
+
+def blobs(shape, share, seed):
+    """Smooth blobs of which about `share` lie above 10."""
+    random = np.random.default_rng(seed)
+    noise = random.standard_normal(shape, dtype=np.float32)
+    noise = ndi.gaussian_filter(noise, (1, 3, 3))
+    level = np.quantile(noise[::4, ::4, ::4], 1 - share)
+    return np.maximum(noise - level, 0) / noise.std() * 20 + np.where(noise > level, 10, 0).astype("f4")
+
+
+def dense(options, folder):
+    shape, program = tuple(options.shape), options.glintmap
+    voxels = np.prod(shape) / 1e6
+    path = folder / "volume.npy"
+    def ours(volume, *more):
+        """The whole program, and the same without what two timesteps cost as well: starting,
+        writing the maps."""
+        np.save(path, volume)
+        np.save(folder / "two.npy", volume[:2])
+        best = lambda p: min(run(program, p, folder / "out", more)[0] for _ in range(options.repeat))
+        whole = best(path)
+        return whole, (whole - best(folder / "two.npy")) * shape[0] / (shape[0] - 2)
+
+    volume = np.random.default_rng(1).random(shape, np.float32) * 20
+    whole, mine = ours(volume, "--threshold", "1e30")
+    theirs = cpu_of(lambda: ndi.gaussian_filter(volume, 1.0), options.repeat)
+    print(f"Gaussian: glintmap {voxels / mine:.0f}, SciPy {voxels / theirs:.0f} Mvoxel/s: "
+          f"{theirs / mine:.2f}x (whole program {theirs / whole:.2f}x)")
+    _, read = ours(volume, "--threshold", "1e30", "--sigma", 0, 0, 0)
+    print(f"  without its {read:.2f} s of reading and looking: {theirs / (mine - read):.2f}x", flush=True)
+    for name, volume in [("blobs", blobs(shape, 0.05, 2)), ("30 % noise", np.where(volume > 14, volume, 0))]:
+        volume = np.ascontiguousarray(volume, np.float32)
+        share = (volume > 10).mean()
+        whole, mine = ours(volume, "--threshold", "10", "--sigma", 0, 0, 0)
+        structure = ndi.generate_binary_structure(3, 1)
+        scipy = cpu_of(lambda: ndi.label(volume > np.float32(10), structure), options.repeat)
+        print(f"threshold, events, durations, {name}, {share:.1%} above: glintmap {voxels / mine:.0f}, "
+              f"SciPy {voxels / scipy:.0f} Mvoxel/s: {scipy / mine:.2f}x (whole program {scipy / whole:.2f}x)", end="")
+        try:
+            import cc3d
+            fast = cpu_of(lambda: cc3d.connected_components(volume > np.float32(10), connectivity=6), options.repeat)
+            print(f"; cc3d {voxels / fast:.0f} Mvoxel/s: {fast / mine:.2f}x")
+        except ImportError:
+            print("; cc3d isn't installed")
+
+
+def write_zarr(path, shape, share, seed):
+    """A volume in the layout of glintmap (shards of a tile with all timesteps, chunks 16 x 32 x 32,
+    zstd), of which about `share` of the chunks hold blobs, most of them in the same few tiles."""
+    import zarr
+    timesteps, rows, columns = shape
+    chunks = -(-timesteps // 16)
+    group = zarr.create_group(store=str(path), zarr_format=3)
+    array = group.create_array(
+        "irradiance", shape=shape, dtype="float32", chunks=(16, 32, 32), shards=(chunks * 16, 32, 32),
+        fill_value=0.0, dimension_names=("timestep", "row", "column"),
+        compressors=zarr.codecs.ZstdCodec(level=1))
+    random = np.random.default_rng(seed)
+    pattern = blobs((16, 32, 32), 0.3, seed)
+    down, across = rows // 32, columns // 32
+    lit_tiles = max(1, int(down * across * min(1, share * 5)))
+    for tile in random.choice(down * across, lit_tiles, replace=False):
+        y, x = tile // across * 32, tile % across * 32
+        tile = np.zeros((timesteps, 32, 32), np.float32)
+        for chunk in np.flatnonzero(random.random(timesteps // 16) < share / (lit_tiles / (down * across))):
+            tile[chunk * 16:chunk * 16 + 16] = np.roll(pattern, random.integers(32, size=2), (1, 2))
+        array[:, y:y + 32, x:x + 32] = tile
+
+
+def sparse(options, folder):
+    path = folder / "sparse.zarr"
+    write_zarr(path, (1280, 1000, 4000), 0.01, 3)
+    cpu, wall, peak = run(options.glintmap, path, folder / "out", ["--threshold", "10"], threads=2)
+    print(f"1,280 x 1,000 x 4,000, 1 % of the chunks lit: {wall:.1f} s ({cpu:.1f} s of CPU), {peak:.0f} MiB")
+
+
+def memory(options, folder):
+    for timesteps in options.lengths:
+        path = folder / f"memory-{timesteps}.zarr"
+        write_zarr(path, (timesteps, 2000, 2000), 0.01, 4)
+        cpu, wall, peak = run(options.glintmap, path, folder / "out", ["--threshold", "10"], threads=2)
+        print(f"{timesteps} timesteps of 4 million pixels: {peak:.0f} MiB anonymous, {wall:.1f} s ({cpu:.1f} s of CPU)")
+        shutil.rmtree(path)
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("glintmap")
+    parser.add_argument("--shape", type=int, nargs=3, default=[64, 1000, 1000])
+    parser.add_argument("--repeat", type=int, default=3)
+    parser.add_argument("--sparse", action="store_true")
+    parser.add_argument("--memory", action="store_true")
+    parser.add_argument("--lengths", type=int, nargs="+", default=[200, 2000, 20000], help="for --memory")
+    parser.add_argument("--no-dense", action="store_true")
+    options = parser.parse_args()
+    with tempfile.TemporaryDirectory() as folder:
+        folder = pathlib.Path(folder)
+        if not options.no_dense:
+            dense(options, folder)
+        if options.sparse:
+            sparse(options, folder)
+        if options.memory:
+            memory(options, folder)
+
+
+if __name__ == "__main__":
+    main()

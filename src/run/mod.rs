@@ -10,6 +10,7 @@ mod log;
 pub mod manifest;
 pub mod probe;
 mod project;
+mod reader;
 mod resolve;
 mod runner;
 mod set;

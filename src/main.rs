@@ -5,7 +5,9 @@ use std::process::ExitCode;
 use glintmap::cli;
 
 fn main() -> ExitCode {
-    match cli::run(cli::parse()) {
+    let cli = cli::parse();
+    let json = cli.wants_json();
+    match cli::run(cli) {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {
             // A reader that closed our output (`glintmap suns … | head`) is no failure.
@@ -16,10 +18,7 @@ fn main() -> ExitCode {
             if closed {
                 return ExitCode::SUCCESS;
             }
-            eprintln!("glintmap: {error}");
-            for cause in error.chain().skip(1) {
-                eprintln!("  because: {cause}");
-            }
+            cli::tell(&error, json);
             ExitCode::from(cli::exit_code(&error).exit_code())
         }
     }

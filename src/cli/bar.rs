@@ -1,3 +1,4 @@
+use std::io::{IsTerminal, Write};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex};
 use std::time::Duration;
@@ -6,16 +7,26 @@ use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 
 use crate::base::{Interrupted, Progress};
 
+/// Work that takes less is not worth a line in a log.
+const WORTH_A_LINE: Duration = Duration::from_secs(5);
+
+/// Prints a line; standard error may be closed, then nobody listens.
+fn line(text: &str) {
+    let _ = writeln!(std::io::stderr(), "{text}");
+}
+
 /// Progress on standard error, with a rate and the time left.
 pub(super) struct Bar {
     quiet: bool,
     stop: Arc<AtomicBool>,
     current: Mutex<Option<ProgressBar>>,
+    /// Without a terminal nothing moves: long work is told in one line once it is done.
+    moves: bool,
 }
 
 impl Bar {
     pub(super) fn new(quiet: bool, stop: Arc<AtomicBool>) -> Self {
-        Self { quiet, stop, current: Mutex::new(None) }
+        Self { quiet, stop, current: Mutex::new(None), moves: std::io::stderr().is_terminal() }
     }
 
     fn current(&self) -> std::sync::MutexGuard<'_, Option<ProgressBar>> {
@@ -50,7 +61,16 @@ impl Progress for Bar {
 
     fn finish(&self) {
         if let Some(bar) = self.current().take() {
+            let (took, done) = (bar.elapsed(), bar.position());
             bar.finish_and_clear();
+            if !self.quiet && !self.moves && took >= WORTH_A_LINE {
+                let rate = done as f64 / took.as_secs_f64();
+                line(&format!(
+                    "{}: {done} in {:.0} s, {rate:.0}/s",
+                    bar.message(),
+                    took.as_secs_f64()
+                ));
+            }
         }
     }
 
@@ -59,8 +79,8 @@ impl Progress for Bar {
             return;
         }
         match self.current().as_ref() {
-            Some(bar) => bar.suspend(|| eprintln!("{message}")),
-            None => eprintln!("{message}"),
+            Some(bar) => bar.suspend(|| line(message)),
+            None => line(message),
         }
     }
 

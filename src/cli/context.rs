@@ -43,7 +43,8 @@ impl Context {
     pub fn print(&self, document: &impl Serialize, text: &str) -> anyhow::Result<()> {
         let mut out = std::io::stdout().lock();
         if self.common.json {
-            serde_json::to_writer_pretty(&mut out, document)?;
+            // As an io::Error a closed pipe is known for what it is.
+            serde_json::to_writer_pretty(&mut out, document).map_err(std::io::Error::from)?;
             writeln!(out)?;
         } else {
             writeln!(out, "{}", text.trim_end_matches('\n'))?;

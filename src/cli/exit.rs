@@ -1,3 +1,5 @@
+use std::io::Write;
+
 use crate::base::{FaultKind, Interrupted};
 
 /// What an error means for the process: the first cause that a room classified decides.
@@ -30,4 +32,37 @@ fn classify(cause: &(dyn std::error::Error + 'static)) -> Option<FaultKind> {
         crate::volume::Error,
     );
     None
+}
+
+/// Prints an error on standard error: where, what was expected, what was found, and why. With
+/// `json` as one line `{"error", "because", "kind", "exit_code"}`.
+pub fn tell(error: &anyhow::Error, json: bool) {
+    // A room's transparent error repeats its source: nobody needs to read it twice.
+    let mut causes: Vec<String> = Vec::new();
+    for cause in error.chain().map(ToString::to_string) {
+        if causes.last() != Some(&cause) {
+            causes.push(cause);
+        }
+    }
+    let (first, because) = causes.split_first().map_or(("", &[][..]), |(f, b)| (f.as_str(), b));
+    let mut text = if json {
+        let kind = exit_code(error);
+        serde_json::json!({
+            "error": first,
+            "because": because,
+            "kind": kind,
+            "exit_code": kind.exit_code(),
+        })
+        .to_string()
+    } else {
+        format!("glintmap: {first}")
+    };
+    if !json {
+        for cause in because {
+            text += &format!("\n  because: {cause}");
+        }
+    }
+    text.push('\n');
+    // Standard error may be closed: then nobody listens, and the exit code says enough.
+    let _ = std::io::stderr().write_all(text.as_bytes());
 }

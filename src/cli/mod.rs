@@ -2,6 +2,7 @@
 
 mod bar;
 mod check;
+mod clean;
 mod context;
 mod convert;
 mod demo;
@@ -13,6 +14,7 @@ mod ours;
 mod picture;
 mod plan;
 mod probe;
+mod report;
 mod run;
 mod size;
 mod suns;
@@ -20,7 +22,7 @@ mod verify;
 mod volume;
 
 pub use context::Context;
-pub use exit::exit_code;
+pub use exit::{exit_code, tell};
 
 use clap::{Args, Parser, Subcommand};
 
@@ -34,10 +36,18 @@ pub struct Cli {
     command: Command,
 }
 
+impl Cli {
+    /// Whether results and errors are for programs.
+    pub fn wants_json(&self) -> bool {
+        self.common.json
+    }
+}
+
 /// What every command takes.
 #[derive(Clone, Debug, Args)]
 pub struct Common {
-    /// Print exactly one JSON document on standard output
+    /// Print exactly one JSON document on standard output; an error is one on the last line of
+    /// standard error
     #[arg(long, global = true)]
     pub json: bool,
     /// No progress, no notes: only results and errors
@@ -66,6 +76,8 @@ enum Command {
     Convert(convert::Arguments),
     Inspect(inspect::Arguments),
     Verify(verify::Arguments),
+    Clean(clean::Arguments),
+    Report(report::Arguments),
 }
 
 /// Reads the command line; ends the process where it is wrong or asks for help.
@@ -93,5 +105,7 @@ pub fn run(cli: Cli) -> anyhow::Result<()> {
         Command::Convert(arguments) => convert::run(&arguments, &context),
         Command::Inspect(arguments) => inspect::run(&arguments, &context),
         Command::Verify(arguments) => verify::run(&arguments, &context),
+        Command::Clean(arguments) => clean::run(&arguments, &context),
+        Command::Report(arguments) => report::run(&arguments, &context),
     }
 }

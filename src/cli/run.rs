@@ -1,5 +1,5 @@
 use std::fmt::Write as _;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use clap::builder::{PossibleValuesParser, TypedValueParser};
 
@@ -50,7 +50,13 @@ pub(super) fn run(arguments: &Arguments, context: &Context) -> anyhow::Result<()
 }
 
 /// Runs a project and prints what was done.
-pub(super) fn go(project: &std::path::Path, how: &How, context: &Context) -> anyhow::Result<()> {
+pub(super) fn go(project: &Path, how: &How, context: &Context) -> anyhow::Result<()> {
+    let summary = finished(project, how, context)?;
+    context.print(&summary, &told(&summary, how.until.unwrap_or(Stage::Report)))
+}
+
+/// Runs a project.
+pub(super) fn finished(project: &Path, how: &How, context: &Context) -> anyhow::Result<Summary> {
     let resolved = Resolved::read(project, &how.set, how.memory)?;
     let options = Options {
         until: how.until.unwrap_or(Stage::Report),
@@ -58,8 +64,7 @@ pub(super) fn go(project: &std::path::Path, how: &How, context: &Context) -> any
         memory_bytes: how.memory,
         page_cache_bytes: how.page_cache,
     };
-    let summary = run::run(&resolved, options, context.progress())?;
-    context.print(&summary, &told(&summary, options.until))
+    Ok(run::run(&resolved, options, context.progress())?)
 }
 
 fn told(summary: &Summary, until: Stage) -> String {

@@ -1,3 +1,5 @@
+mod pictures;
+
 use std::fmt::Write as _;
 use std::ops::Range;
 use std::path::PathBuf;
@@ -14,9 +16,10 @@ pub(super) enum Command {
     /// Print a volume's shape, how full it is, its range and its time axis
     #[command(after_help = "Example: glintmap volume info run/standard/plan/series.zarr")]
     Info(Info),
-    /// Write a volume, or some timesteps of it, as .npy
+    /// Write a volume, or some timesteps of it, as .npy or as pictures, or both
     #[command(
-        after_help = "Example: glintmap volume export run/standard/plan/series.zarr --out series.npy"
+        group(clap::ArgGroup::new("what").required(true).multiple(true).args(["out", "pictures"])),
+        after_help = "Examples:\n  glintmap volume export run/standard/plan/series.zarr --out series.npy\n  glintmap volume export run/standard/plan/series.zarr --pictures june --timesteps 100:163"
     )]
     Export(Export),
     /// Make a volume of an .npy file (little-endian float32, [timestep, row, column])
@@ -41,7 +44,11 @@ pub(super) struct Export {
     volume: PathBuf,
     /// The .npy file to write
     #[arg(long, value_name = "FILE.npy")]
-    out: PathBuf,
+    out: Option<PathBuf>,
+    /// A folder for pictures: t00000.exr with the numbers (W/m2), t00000.png in colours of one
+    /// scale for the whole volume, one pair for each timestep
+    #[arg(long, value_name = "DIR")]
+    pictures: Option<PathBuf>,
     /// Only these timesteps, the last included [default: all]
     #[arg(long, value_name = "FIRST:LAST", value_parser = parse_timesteps)]
     timesteps: Option<(usize, usize)>,
@@ -180,12 +187,29 @@ fn export(arguments: &Export, context: &Context) -> anyhow::Result<()> {
     let [timesteps, rows, columns] = volume.shape();
     let range: Range<usize> =
         arguments.timesteps.map_or(0..timesteps, |(first, last)| first..last + 1);
-    // Pictures for each timestep go here too, by the ending of --out, once the picture room has
-    // its writers.
-    volume::export_npy(&volume, range.clone(), &arguments.out, context.progress())?;
-    let document = json!({"out": arguments.out, "shape": [range.len(), rows, columns]});
-    let out = arguments.out.display();
-    context.print(&document, &format!("{out}: {} x {rows} x {columns}", range.len()))
+    if range.is_empty() || range.end > timesteps {
+        return Err(volume::Error::Shape {
+            what: "--timesteps",
+            expected: format!("a part of 0:{}", timesteps.saturating_sub(1)),
+            found: format!("{}:{}", range.start, range.end.saturating_sub(1)),
+        }
+        .into());
+    }
+    let progress = context.progress();
+    let mut document = json!({ "shape": [range.len(), rows, columns] });
+    let mut text = String::new();
+    if let Some(out) = &arguments.out {
+        volume::export_npy(&volume, range.clone(), out, progress)?;
+        document["out"] = json!(out);
+        writeln!(text, "{}: {} x {rows} x {columns}", out.display(), range.len())?;
+    }
+    if let Some(dir) = &arguments.pictures {
+        let max = pictures::write(&volume, range.clone(), dir, progress)?;
+        document["pictures"] = json!({ "dir": dir, "scale_max_w_m2": max });
+        let (count, dir) = (range.len(), dir.display());
+        writeln!(text, "{dir}: {count} timesteps of {columns} x {rows} pixels, up to {max} W/m2")?;
+    }
+    context.print(&document, &text)
 }
 
 fn import(arguments: &Import, context: &Context) -> anyhow::Result<()> {

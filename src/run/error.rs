@@ -127,7 +127,17 @@ impl Error {
         match self {
             Self::Project { .. } | Self::InTheWay { .. } | Self::NotMade { .. } => FaultKind::Input,
             Self::Unsupported(_) | Self::Material { .. } => FaultKind::Input,
-            Self::Read { source, .. } if source.kind() == io::ErrorKind::NotFound => {
+            // What was named can't be read: another name, other rights, another kind of file.
+            Self::Read { source, .. }
+                if matches!(
+                    source.kind(),
+                    io::ErrorKind::NotFound
+                        | io::ErrorKind::PermissionDenied
+                        | io::ErrorKind::IsADirectory
+                        | io::ErrorKind::NotADirectory
+                        | io::ErrorKind::InvalidData
+                ) =>
+            {
                 FaultKind::Input
             }
             Self::Read { .. } | Self::Write { .. } | Self::Io(_) | Self::Npy(_) => {

@@ -185,25 +185,55 @@ fn free_bytes(path: &Path) -> Result<u64, Error> {
     Ok(stat.f_bavail.saturating_mul(stat.f_frsize))
 }
 
-/// Refuses a run that is expected to fill the disk. What is already there counts as done.
+/// Refuses a run that is expected to fill the disk. What is current already costs nothing more,
+/// and what lies there unfinished or out of date makes room or is gone on with.
 ///
 /// # Errors
 /// [`Error::Disk`].
 pub(super) fn refuse_full_disk(job: &Job<'_>) -> Result<(), Error> {
     let expected = estimate(job.resolved, job.options.memory_bytes)?;
-    let there = used_bytes(job.folder.root())?;
-    if expected.disk_bytes.saturating_sub(there) > expected.free_bytes {
+    let plan = job.plan()?;
+    let mut there = used_bytes(job.folder.root())?;
+    for (planned, stale) in &plan {
+        let made = job.manifest.units.get(&planned.unit).filter(|_| !stale);
+        for output in made.iter().flat_map(|unit| unit.outputs.keys()) {
+            let path = job.folder.at(Path::new(output));
+            let bytes = if path.is_dir() { used_bytes(&path)? } else { path.metadata()?.len() };
+            there = there.saturating_sub(bytes);
+        }
+    }
+    let stages: Vec<(u64, usize, usize)> = expected
+        .stages
+        .iter()
+        .map(|s| {
+            let of_stage = || plan.iter().filter(|(p, _)| p.stage == s.stage);
+            let stale = of_stage().filter(|(_, stale)| *stale).count();
+            (s.disk_bytes, stale, of_stage().count())
+        })
+        .collect();
+    let needed = still_needed(&stages, there);
+    if needed > expected.free_bytes {
         return Err(Error::Disk {
             path: job.folder.root().to_owned(),
-            needed: bytes_in_words(expected.disk_bytes),
+            needed: bytes_in_words(needed),
             free: bytes_in_words(expected.free_bytes),
         });
     }
     Ok(())
 }
 
+/// Bytes that a run still has to find. `stages`: bytes of a whole stage, its units that have to be
+/// made, all its units. `there`: bytes that make room or count as done.
+fn still_needed(stages: &[(u64, usize, usize)], there: u64) -> u64 {
+    let share = |&(bytes, stale, all): &(u64, usize, usize)| {
+        (bytes as f64 * stale as f64 / all.max(1) as f64) as u64
+    };
+    let sum = stages.iter().map(share).fold(0, u64::saturating_add);
+    sum.saturating_sub(there)
+}
+
 /// Bytes of all files below a folder; 0 if there is none.
-fn used_bytes(path: &Path) -> Result<u64, Error> {
+pub(super) fn used_bytes(path: &Path) -> Result<u64, Error> {
     if !path.is_dir() {
         return Ok(0);
     }
@@ -225,4 +255,23 @@ pub fn bytes_in_words(bytes: u64) -> String {
         }
     }
     format!("{bytes} B")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::still_needed;
+
+    #[test]
+    fn only_what_has_to_be_made_needs_room() {
+        let gb = 1_000_000_000;
+        // Everything is to be made.
+        assert_eq!(still_needed(&[(12 * gb, 4, 4), (8 * gb, 8, 8)], 0), 20 * gb);
+        // The stores are there; a quarter of the series isn't, and 1 GB of that is begun.
+        assert_eq!(still_needed(&[(12 * gb, 0, 4), (8 * gb, 2, 8)], gb), gb);
+        // Nothing is to be made: a full disk doesn't matter.
+        assert_eq!(still_needed(&[(12 * gb, 0, 4), (8 * gb, 0, 8)], 0), 0);
+        // Absurd claims don't wrap around.
+        assert_eq!(still_needed(&[(u64::MAX, 1, 1), (u64::MAX, 1, 1)], 0), u64::MAX);
+        assert_eq!(still_needed(&[(5, 0, 0)], 9), 0);
+    }
 }

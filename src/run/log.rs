@@ -9,6 +9,8 @@ use serde_json::{Value, json};
 
 use super::error::Error;
 use super::folder::Folder;
+use super::runner::Options;
+use crate::base::Provenance;
 
 /// The log of one command: one JSON object a line in `run/log/run.jsonl`.
 pub struct Log {
@@ -17,9 +19,25 @@ pub struct Log {
 }
 
 impl Log {
-    /// A log for a command that begins now.
-    pub fn begin(folder: &Folder) -> Self {
-        Self { folder: folder.clone(), began: Instant::now() }
+    /// A log for a command that begins now: notes the command, the program and its means.
+    ///
+    /// # Errors
+    /// Whatever the file system says.
+    pub fn begin(folder: &Folder, options: &Options) -> Result<Self, Error> {
+        let log = Self { folder: folder.clone(), began: Instant::now() };
+        let command: Vec<String> =
+            std::env::args_os().map(|word| word.to_string_lossy().into_owned()).collect();
+        log.write(json!({
+            "command": command,
+            "program": Provenance::PROGRAM,
+            "system": format!("{} {}", std::env::consts::OS, std::env::consts::ARCH),
+            "cores": std::thread::available_parallelism().ok(),
+            "memory_bytes": options.memory_bytes,
+            "page_cache_bytes": options.page_cache_bytes,
+            "until": options.until,
+            "force": options.force,
+        }))?;
+        Ok(log)
     }
 
     /// Adds a line about a unit of work.
@@ -27,13 +45,28 @@ impl Log {
     /// # Errors
     /// Whatever the file system says.
     pub fn note(&self, unit: &str, facts: &Value) -> Result<(), Error> {
-        let line = json!({
-            "at": jiff::Timestamp::now().to_string(),
-            "since_start_s": self.began.elapsed().as_secs_f64(),
-            "threads": rayon::current_num_threads(),
-            "unit": unit,
-            "facts": facts,
-        });
+        self.write(json!({ "unit": unit, "facts": facts }))
+    }
+
+    /// Adds the last line of a command.
+    ///
+    /// # Errors
+    /// Whatever the file system says; nothing where the command failed anyway.
+    pub fn end(&self, failed: Option<&Error>) -> Result<(), Error> {
+        match failed {
+            None => self.write(json!({ "ended": "done" })),
+            Some(error) => {
+                // The disk may be full: the error that matters is the command's.
+                let _ = self.write(json!({ "ended": error.to_string() }));
+                Ok(())
+            }
+        }
+    }
+
+    fn write(&self, mut line: Value) -> Result<(), Error> {
+        line["at"] = jiff::Timestamp::now().to_string().into();
+        line["since_start_s"] = self.began.elapsed().as_secs_f64().into();
+        line["threads"] = rayon::current_num_threads().into();
         let path = self.folder.prepare(std::path::Path::new("log/run.jsonl"))?;
         let write = || -> std::io::Result<()> {
             let mut file = OpenOptions::new().create(true).append(true).open(&path)?;

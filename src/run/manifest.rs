@@ -28,6 +28,13 @@ pub struct Unit {
     pub outputs: BTreeMap<String, String>,
 }
 
+impl Unit {
+    /// Whether all that it left behind is still there.
+    pub fn is_whole(&self, run: &Path) -> bool {
+        self.outputs.keys().all(|o| run.join(o).exists())
+    }
+}
+
 impl Manifest {
     /// Reads the manifest of a run folder; an empty one where there is none yet.
     ///
@@ -56,9 +63,7 @@ impl Manifest {
 
     /// Whether the unit was made from `key` and all it left behind is still there.
     pub fn is_current(&self, run: &Path, unit: &str, key: &str) -> bool {
-        self.units
-            .get(unit)
-            .is_some_and(|u| u.key == key && u.outputs.keys().all(|o| run.join(o).exists()))
+        self.units.get(unit).is_some_and(|u| u.key == key && u.is_whole(run))
     }
 
     /// Notes that the unit is done: its outputs (paths below `run/`) are hashed.

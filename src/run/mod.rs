@@ -1,6 +1,7 @@
 //! The project file, the plan, the stages and the manifest: the only place that knows the order
 //! of the stages and joins rooms that don't know each other.
 
+mod clean;
 mod clock;
 mod create;
 mod error;
@@ -10,12 +11,15 @@ mod log;
 pub mod manifest;
 pub mod probe;
 mod project;
+mod reader;
 mod resolve;
 mod runner;
 mod set;
 mod stages;
+mod units;
 mod verify;
 
+pub use clean::{Cleaned, Part, Usage, clean};
 pub use clock::Clock;
 pub use create::{Demo, Quality, SiteAt, create, demo};
 pub use error::Error;

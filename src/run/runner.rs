@@ -2,13 +2,13 @@
 
 use std::cell::OnceCell;
 use std::collections::BTreeMap;
-use std::fs;
 use std::path::PathBuf;
 use std::time::Instant;
 
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
+use super::clean::{lies_inside, remove};
 use super::error::Error;
 use super::estimate;
 use super::folder::Folder;
@@ -16,6 +16,7 @@ use super::log::Log;
 use super::manifest::Manifest;
 use super::resolve::Resolved;
 use super::stages;
+use super::units::{Planned, units};
 use crate::base::{Finding, Progress, Provenance, Severity, Timeline};
 use crate::site::Site;
 use crate::sky;
@@ -129,7 +130,7 @@ pub fn run(
 ) -> Result<Summary, Error> {
     let folder = Folder::new(resolved.run_folder());
     let _lock = folder.lock()?;
-    let log = Log::begin(&folder);
+    let log = Log::begin(&folder, &options)?;
     let manifest = Manifest::read(folder.root())?;
     let mut job = Job {
         resolved,
@@ -146,29 +147,91 @@ pub fn run(
         site: OnceCell::new(),
         timeline: OnceCell::new(),
     };
-    estimate::refuse_full_disk(&job)?;
-    // Mistakes in the scene come up before anything is made.
-    if stages::needs_scene(&job)? {
-        job.site()?;
-    }
-    for stage in Stage::ALL {
-        if stage > options.until {
-            break;
-        }
-        match stage {
-            Stage::Suns => stages::suns(&mut job)?,
-            Stage::Trace => stages::trace(&mut job)?,
-            Stage::Pages => stages::pages(&mut job)?,
-            Stage::Render => stages::render(&mut job)?,
-            Stage::Glare => stages::glare(&mut job)?,
-            Stage::Pictures => stages::pictures(&mut job)?,
-            Stage::Report => stages::report(&mut job)?,
-        }
-    }
+    let outcome = stages_of(&mut job);
+    job.log.end(outcome.as_ref().err())?;
+    outcome?;
     Ok(job.summary)
 }
 
+fn stages_of(job: &mut Job<'_>) -> Result<(), Error> {
+    estimate::refuse_full_disk(job)?;
+    // Mistakes in the scene come up before anything is made.
+    if job.has_to_read_the_scene()? {
+        job.site()?;
+    }
+    for stage in Stage::ALL {
+        if stage > job.options.until {
+            break;
+        }
+        job.forget(stage)?;
+        match stage {
+            Stage::Suns => stages::suns(job)?,
+            Stage::Trace => stages::trace(job)?,
+            Stage::Pages => stages::pages(job)?,
+            Stage::Render => stages::render(job)?,
+            Stage::Glare => stages::glare(job)?,
+            Stage::Pictures => stages::pictures(job)?,
+            Stage::Report => stages::report(job)?,
+        }
+    }
+    Ok(())
+}
+
 impl Job<'_> {
+    /// The units up to `--until`, each with whether it has to be made.
+    pub fn plan(&self) -> Result<Vec<(Planned, bool)>, Error> {
+        let stale = |p: &Planned| {
+            self.is_forced(p.stage) || !p.is_current(&self.manifest, self.folder.root())
+        };
+        Ok(units(self.resolved)?
+            .into_iter()
+            .filter(|p| p.stage <= self.options.until)
+            .map(|p| {
+                let stale = stale(&p);
+                (p, stale)
+            })
+            .collect())
+    }
+
+    fn is_forced(&self, stage: Stage) -> bool {
+        self.options.force.is_some_and(|f| stage >= f)
+    }
+
+    fn has_to_read_the_scene(&self) -> Result<bool, Error> {
+        let reads = |stage| matches!(stage, Stage::Trace | Stage::Pages);
+        Ok(self.plan()?.iter().any(|(p, stale)| {
+            *stale
+                && (reads(p.stage) || p.unit.starts_with("hits ") || p.unit.starts_with("direct "))
+        }))
+    }
+
+    /// Before a stage begins: what was made from other settings, or is to be made anew, goes. So
+    /// the manifest never calls something current that is being overwritten, and no later stage
+    /// finds results that belong to something else. Where a unit only misses a file, the others
+    /// stay.
+    fn forget(&mut self, stage: Stage) -> Result<(), Error> {
+        let mut gone = Vec::new();
+        for (planned, stale) in self.plan()? {
+            if planned.stage != stage || !stale {
+                continue;
+            }
+            let Some(unit) = self.manifest.units.remove(&planned.unit) else { continue };
+            if self.is_forced(stage) || planned.key.is_none_or(|key| key != unit.key) {
+                gone.extend(unit.outputs.into_keys());
+            } else {
+                gone.push(String::new());
+            }
+        }
+        if gone.is_empty() {
+            return Ok(());
+        }
+        self.manifest.write(self.folder.root())?;
+        for name in gone.iter().map(std::path::Path::new).filter(|n| lies_inside(n)) {
+            self.remove(name)?;
+        }
+        Ok(())
+    }
+
     /// The scene; read when first asked for.
     pub fn site(&self) -> Result<&Site, Error> {
         if let Some(site) = self.site.get() {
@@ -207,8 +270,7 @@ impl Job<'_> {
     /// Whether a unit has to be made: it is missing, out of date or forced. A unit that is
     /// current is counted as such.
     pub fn needs(&mut self, stage: Stage, unit: &str, key: &str) -> bool {
-        let forced = self.options.force.is_some_and(|f| stage >= f);
-        if !forced && self.manifest.is_current(self.folder.root(), unit, key) {
+        if !self.is_forced(stage) && self.manifest.is_current(self.folder.root(), unit, key) {
             self.summary.current.push(unit.into());
             return false;
         }
@@ -241,13 +303,7 @@ impl Job<'_> {
 
     /// Removes an output that is about to be made anew.
     pub fn remove(&self, name: &std::path::Path) -> Result<(), Error> {
-        let path = self.folder.at(name);
-        let removed = match fs::symlink_metadata(&path) {
-            Err(_) => Ok(()),
-            Ok(m) if m.is_dir() => fs::remove_dir_all(&path),
-            Ok(_) => fs::remove_file(&path),
-        };
-        removed.map_err(|source| Error::Write { path, source })
+        remove(&self.folder.at(name))
     }
 }
 

@@ -90,11 +90,13 @@ pub(in crate::run) fn pages(job: &mut Job<'_>) -> Result<(), Error> {
     for candidate in &resolved.candidates {
         let key = key_of("pages", &resolved.photons_key(candidate)?)?;
         let name = unit("pages", candidate);
+        let spill_name = job.folder.spill(&candidate.name);
         if !job.needs(Stage::Pages, &name, &key) {
+            // Photons that were sorted already: the run was stopped before they could go.
+            job.remove(&spill_name)?;
             continue;
         }
         let began = Instant::now();
-        let spill_name = job.folder.spill(&candidate.name);
         if !job.folder.at(&spill_name).exists() {
             // The photons were traced, sorted, and then the store was removed or forced anew.
             job.manifest.units.remove(&unit("trace", candidate));

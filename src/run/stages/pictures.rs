@@ -75,7 +75,7 @@ pub(in crate::run) fn pictures(job: &mut Job<'_>) -> Result<(), Error> {
 }
 
 /// Everything that is drawn decides about the pictures, because they share their scales.
-fn key(resolved: &Resolved) -> Result<String, Error> {
+pub(in crate::run) fn key(resolved: &Resolved) -> Result<String, Error> {
     let mut parts = Vec::new();
     for candidate in &resolved.candidates {
         for view in &resolved.views {

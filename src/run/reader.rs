@@ -1,0 +1,262 @@
+//! From the project file to what the rooms take; every mistake is named with its key. Here: the
+//! site, its times and its scene. [`settings`]: what is done with them.
+
+mod settings;
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::fs;
+use std::path::Path;
+
+use glam::DVec3;
+
+use super::error::Error;
+use super::manifest::hash_path;
+use super::project::{self, DayEntry, FileEntry, OriginEntry, Project};
+use crate::base::limits;
+use crate::site::{Origin, PvSpec, SceneFile, SceneSpec, Select};
+use crate::sky::{DayRange, HourRange, Irradiance, Place, SunModel, TimeSpec};
+
+/// Reads a plan off a project file, table by table.
+pub(super) struct Reader<'a> {
+    pub file: &'a Path,
+    pub project: &'a Project,
+}
+
+impl Reader<'_> {
+    pub fn wrong(&self, message: impl Into<String>) -> Error {
+        Error::Project { path: self.file.to_owned(), line: 0, column: 0, message: message.into() }
+    }
+
+    /// Names become folders, so they are checked together: what differs must not collide.
+    pub fn names(&self) -> Result<(), Error> {
+        let p = self.project;
+        let mut folders = BTreeSet::from(["log".to_owned()]);
+        let lists = [
+            ("[[material]]", p.material.iter().map(|t| &t.name).collect::<Vec<_>>()),
+            ("[[case]]", p.case.iter().map(|t| &t.name).collect()),
+            ("[[view]]", p.view.iter().map(|t| &t.name).collect()),
+        ];
+        for (table, names) in lists {
+            for name in names {
+                self.check_name(table, name)?;
+                if !folders.insert(name.clone()) {
+                    return Err(self.wrong(format!(
+                        "{table} \"{name}\": the name is taken; materials, cases and views share one folder, and `log` is ours"
+                    )));
+                }
+            }
+        }
+        let mut entries = BTreeSet::new();
+        for t in &p.pv {
+            self.check_name("[[pv]]", &t.name)?;
+            if !entries.insert(&t.name) {
+                return Err(self.wrong(format!("[[pv]] \"{}\": the name is taken", t.name)));
+            }
+        }
+        if p.pv.is_empty() {
+            return Err(self.wrong("expected at least one [[pv]], found none"));
+        }
+        if p.material.is_empty() {
+            return Err(self.wrong("expected at least one [[material]], found none"));
+        }
+        Ok(())
+    }
+
+    fn check_name(&self, table: &str, name: &str) -> Result<(), Error> {
+        let good = !name.is_empty()
+            && name.chars().all(|c| c.is_ascii_alphanumeric() || c == '_' || c == '-');
+        if good {
+            return Ok(());
+        }
+        Err(self.wrong(format!(
+            "{table} \"{name}\": expected a name of letters, digits, `_` and `-`; it becomes a folder"
+        )))
+    }
+
+    pub fn place(&self) -> Result<Place, Error> {
+        let s = &self.project.site;
+        for (key, value, bound) in [
+            ("latitude", s.latitude, 90.0),
+            ("longitude", s.longitude, 180.0),
+            ("meridian", s.meridian, 180.0),
+        ] {
+            if value.is_nan() || value.abs() > bound {
+                return Err(self.wrong(format!(
+                    "site.{key}: expected degrees from -{bound} to {bound} (north and east are positive), found {value}"
+                )));
+            }
+        }
+        if let Some(zone) = &s.timezone {
+            jiff::tz::TimeZone::get(zone).map_err(|_| {
+                self.wrong(format!(
+                    "site.timezone: expected an IANA name such as \"Europe/Zurich\", found \"{zone}\""
+                ))
+            })?;
+        }
+        Ok(Place {
+            latitude_deg: s.latitude,
+            longitude_deg: s.longitude,
+            meridian_deg: s.meridian,
+            elevation_m: s.elevation_m,
+        })
+    }
+
+    pub fn times(&self) -> Result<TimeSpec, Error> {
+        let t = &self.project.time;
+        let sun = match t.sun.as_str() {
+            "spa" => SunModel::Spa,
+            "gensky" => SunModel::Gensky,
+            "gensky-2018" => SunModel::Gensky2018,
+            other => {
+                return Err(self.wrong(format!(
+                    "time.sun: expected \"spa\", \"gensky\" or \"gensky-2018\", found \"{other}\""
+                )));
+            }
+        };
+        let day = |entry: &DayEntry, key: &str| match entry {
+            DayEntry::Number(n) => Ok(*n),
+            DayEntry::Date(text) => crate::sky::parse_day(text, t.year)
+                .map_err(|e| self.wrong(format!("time.days.{key}: {e}"))),
+        };
+        Ok(TimeSpec {
+            year: t.year,
+            days: DayRange {
+                from: day(&t.days.from, "from")?,
+                to: day(&t.days.to, "to")?,
+                step: t.days.step,
+            },
+            hours: HourRange { from: t.hours.from, to: t.hours.to, step: t.hours.step },
+            sun,
+            irradiance: self.irradiance()?,
+            half_year: t.half_year,
+        })
+    }
+
+    fn irradiance(&self) -> Result<Irradiance, Error> {
+        const KNOWN: &str = "expected \"clear-sky\", \"gensky\", { constant = 1000 } or { model = \"ineichen\", linke = [12 values] }";
+        let value = &self.project.time.irradiance;
+        if let Some(word) = value.as_str() {
+            return match word {
+                "clear-sky" => Ok(Irradiance::ClearSky),
+                "gensky" => Ok(Irradiance::Gensky),
+                _ => Err(self.wrong(format!("time.irradiance: {KNOWN}, found \"{word}\""))),
+            };
+        }
+        let number = |v: &toml::Value| v.as_float().or_else(|| v.as_integer().map(|i| i as f64));
+        let Some(table) = value.as_table() else {
+            return Err(self.wrong(format!("time.irradiance: {KNOWN}, found {value}")));
+        };
+        if table.contains_key("epw") {
+            return Err(Error::Unsupported(format!(
+                "{}: time.irradiance: this version doesn't read EPW weather yet; use \"clear-sky\" or a constant",
+                self.file.display()
+            )));
+        }
+        if let Some(constant) = table.get("constant").and_then(number)
+            && table.len() == 1
+        {
+            return Ok(Irradiance::Constant(constant));
+        }
+        let linke: Option<Vec<f64>> = table
+            .get("linke")
+            .and_then(toml::Value::as_array)
+            .map(|list| list.iter().filter_map(number).collect());
+        match (table.get("model").and_then(toml::Value::as_str), linke) {
+            (Some("ineichen"), Some(linke)) if table.len() == 2 => {
+                let found = linke.len();
+                let linke = <[f64; 12]>::try_from(linke).map_err(|_| {
+                    self.wrong(format!(
+                        "time.irradiance.linke: expected 12 numbers, one a month, found {found}"
+                    ))
+                })?;
+                Ok(Irradiance::Ineichen { linke })
+            }
+            _ => Err(self.wrong(format!("time.irradiance: {KNOWN}, found {value}"))),
+        }
+    }
+
+    pub fn scene(&self, folder: &Path) -> Result<SceneSpec, Error> {
+        let s = &self.project.scene;
+        if !(0.0..=1.0).contains(&s.default_reflectance) {
+            return Err(self.wrong(format!(
+                "scene.default_reflectance: expected 0 to 1, found {}",
+                s.default_reflectance
+            )));
+        }
+        if s.files.is_empty() {
+            return Err(self.wrong("scene.files: expected at least one file, found none"));
+        }
+        let origin = match &s.origin {
+            OriginEntry::At([x, y, z]) => Origin::At(DVec3::new(*x, *y, *z)),
+            OriginEntry::Word(word) if word == "auto" => Origin::Auto,
+            OriginEntry::Word(word) => {
+                return Err(self.wrong(format!(
+                    "scene.origin: expected \"auto\" or [x, y, z], found \"{word}\""
+                )));
+            }
+        };
+        let files = s
+            .files
+            .iter()
+            .map(|entry| match entry {
+                FileEntry::Path(path) => {
+                    SceneFile { path: folder.join(path), unit: None, up: None }
+                }
+                FileEntry::Table { path, unit, up } => {
+                    SceneFile { path: folder.join(path), unit: unit.clone(), up: up.clone() }
+                }
+            })
+            .collect();
+        Ok(SceneSpec {
+            files,
+            default_reflectance: s.default_reflectance,
+            lod: s.lod.clone(),
+            crs: s.crs.clone(),
+            north_deg: s.north_deg,
+            origin,
+        })
+    }
+
+    pub fn inputs(&self, folder: &Path) -> Result<BTreeMap<String, String>, Error> {
+        let mut inputs = BTreeMap::new();
+        for entry in &self.project.scene.files {
+            let path = folder.join(entry.path());
+            if fs::metadata(&path).is_ok_and(|m| m.len() > limits::MAX_TEXT_FILE_BYTES) {
+                return Err(self.wrong(format!(
+                    "scene.files: {} is larger than {} bytes",
+                    path.display(),
+                    limits::MAX_TEXT_FILE_BYTES
+                )));
+            }
+            let hash = hash_path(&path).map_err(|source| Error::Read { path, source })?;
+            // The name alone: where a file lies must not change what a run writes.
+            let plain = entry.path().file_name().unwrap_or_default().to_string_lossy();
+            // Files of the same name from different folders each count.
+            let mut name = plain.clone().into_owned();
+            let mut number = 1;
+            while inputs.contains_key(&name) {
+                number += 1;
+                name = format!("{plain} ({number})");
+            }
+            inputs.insert(name, hash);
+        }
+        Ok(inputs)
+    }
+
+    pub fn pv(&self) -> Vec<PvSpec> {
+        let spec = |t: &project::PvTable| PvSpec {
+            name: t.name.clone(),
+            select: Select {
+                modifier: t.select.modifier.clone(),
+                material: t.select.material.clone(),
+                object: t.select.object.clone(),
+                surface: t.select.surface.clone(),
+                min_tilt_deg: t.select.min_tilt_deg,
+                max_tilt_deg: t.select.max_tilt_deg,
+                azimuth_deg: t.select.azimuth_deg,
+            },
+            two_sided: t.two_sided,
+        };
+        self.project.pv.iter().map(spec).collect()
+    }
+}

@@ -1,0 +1,255 @@
+//! From the project file: the candidates, the views, and how light and glare are computed.
+
+use std::collections::BTreeMap;
+
+use super::Reader;
+use crate::base::limits;
+use crate::glare;
+use crate::render::{Estimator, Gather, Quantity, View};
+use crate::run::Error;
+use crate::run::project::ViewTable;
+use crate::run::resolve::{Candidate, PlannedView};
+use crate::site::bsdf::{Bsdf, Model};
+use crate::trace::{self, Receivers};
+
+impl Reader<'_> {
+    pub fn candidates(&self) -> Result<Vec<Candidate>, Error> {
+        let p = self.project;
+        let mut models: BTreeMap<&str, Model> = BTreeMap::new();
+        let mut out = Vec::new();
+        for t in &p.material {
+            let model = match (&t.model, &t.bsdf) {
+                (Some(model), None) => *model,
+                (None, Some(_)) => {
+                    return Err(Error::Unsupported(format!(
+                        "{}: material.{}.bsdf: this version doesn't read BSDF files yet; use model = {{ kind = \"pv-glass\", … }}",
+                        self.file.display(),
+                        t.name
+                    )));
+                }
+                _ => {
+                    return Err(self.wrong(format!(
+                        "[[material]] \"{}\": expected either `model` or `bsdf`",
+                        t.name
+                    )));
+                }
+            };
+            models.insert(&t.name, model);
+            out.push(candidate(&t.name, vec![model; p.pv.len()])?);
+        }
+        for case in &p.case {
+            let known = || models.keys().copied().collect::<Vec<_>>().join(", ");
+            for entry in case.assign.keys() {
+                if !p.pv.iter().any(|t| &t.name == entry) {
+                    return Err(self.wrong(format!(
+                        "[[case]] \"{}\": assign names the PV \"{entry}\", which no [[pv]] has",
+                        case.name
+                    )));
+                }
+            }
+            let mut chosen = Vec::new();
+            for t in &p.pv {
+                let name = case.assign.get(&t.name).ok_or_else(|| {
+                    self.wrong(format!(
+                        "[[case]] \"{}\": assign says nothing about the PV \"{}\"",
+                        case.name, t.name
+                    ))
+                })?;
+                let model = models.get(name.as_str()).ok_or_else(|| {
+                    self.wrong(format!(
+                        "[[case]] \"{}\": no [[material]] is named \"{name}\" (there are: {})",
+                        case.name,
+                        known()
+                    ))
+                })?;
+                chosen.push(*model);
+            }
+            out.push(candidate(&case.name, chosen)?);
+        }
+        Ok(out)
+    }
+
+    pub fn reference(&self, candidates: &[Candidate]) -> Result<Option<usize>, Error> {
+        let Some(table) = &self.project.reference else { return Ok(None) };
+        let at = candidates.iter().position(|c| c.name == table.material);
+        let known = || candidates.iter().map(|c| c.name.as_str()).collect::<Vec<_>>().join(", ");
+        at.map(Some).ok_or_else(|| {
+            self.wrong(format!(
+                "reference.material: no [[material]] is named \"{}\" (there are: {})",
+                table.material,
+                known()
+            ))
+        })
+    }
+
+    pub fn view(&self, t: &ViewTable) -> Result<PlannedView, Error> {
+        let later = |key: &str, instead: &str| {
+            Error::Unsupported(format!(
+                "{}: view.{}.{key}: this version can't do that yet; {instead}",
+                self.file.display(),
+                t.name
+            ))
+        };
+        if t.fuse {
+            return Err(later("fuse", "leave it out: the series is kept"));
+        }
+        if t.view_file.is_some() {
+            return Err(later("view_file", "write its options into `view`"));
+        }
+        if t.sensors.is_some() {
+            return Err(later("sensors", "use a picture"));
+        }
+        let Some(options) = &t.view else {
+            return Err(self.wrong(format!("[[view]] \"{}\": expected `view`, found none", t.name)));
+        };
+        let [columns, rows] = t.size;
+        let edge = 1..=limits::MAX_VIEW_EDGE;
+        if !edge.contains(&columns)
+            || !edge.contains(&rows)
+            || columns.saturating_mul(rows) > limits::MAX_VIEW_PIXELS
+        {
+            return Err(self.wrong(format!(
+                "view.{}.size: expected 1 to {} pixels along each edge and at most {} in all, found {columns} x {rows}",
+                t.name,
+                limits::MAX_VIEW_EDGE,
+                limits::MAX_VIEW_PIXELS
+            )));
+        }
+        let estimator = match t.estimator.as_str() {
+            "photons" => Estimator::Photons,
+            "radiance" => Estimator::Radiance,
+            "direct" => return Err(later("estimator", "\"direct\" comes later, use \"photons\"")),
+            other => {
+                return Err(self.wrong(format!(
+                    "view.{}.estimator: expected \"photons\" or \"radiance\", found \"{other}\"",
+                    t.name
+                )));
+            }
+        };
+        for (key, value) in
+            [("bandwidth", Some(t.bandwidth)), ("series_bandwidth", t.series_bandwidth)]
+        {
+            if value.is_some_and(|v| !(2..=1_000_000).contains(&v)) {
+                return Err(self.wrong(format!(
+                    "view.{}.{key}: expected 2 to 1000000 photons, found {}",
+                    t.name,
+                    value.unwrap_or(0)
+                )));
+            }
+        }
+        if t.max_radius_m.is_some_and(|r| !(r > 0.0 && r.is_finite())) {
+            return Err(
+                self.wrong(format!("view.{}.max_radius_m: expected metres above 0", t.name))
+            );
+        }
+        let view = View::parse(options, columns, rows)
+            .map_err(|e| self.wrong(format!("view.{}.view: {e}", t.name)))?;
+        Ok(PlannedView {
+            name: t.name.clone(),
+            options: options.clone(),
+            view,
+            annual: Gather { bandwidth: t.bandwidth, max_radius_m: t.max_radius_m, estimator },
+            series_bandwidth: t.series_bandwidth,
+        })
+    }
+
+    pub fn trace(&self) -> Result<trace::Settings, Error> {
+        let p = &self.project.photons;
+        if p.bounces != 1 {
+            return Err(Error::Unsupported(format!(
+                "{}: photons.bounces: this version follows one scattering, by the PV; expected 1, found {}",
+                self.file.display(),
+                p.bounces
+            )));
+        }
+        if !(1..=limits::MAX_PHOTONS).contains(&p.stored) {
+            return Err(self.wrong(format!(
+                "photons.stored: expected 1 to {}, found {}",
+                limits::MAX_PHOTONS,
+                p.stored
+            )));
+        }
+        if !(p.max_path_m > 0.0 && p.max_path_m.is_finite()) {
+            return Err(self.wrong(format!(
+                "photons.max_path_m: expected metres above 0, found {}",
+                p.max_path_m
+            )));
+        }
+        let receivers = match p.receivers.as_str() {
+            "all" => Receivers::All,
+            "diffuse" => Receivers::Diffuse,
+            other => {
+                return Err(self.wrong(format!(
+                    "photons.receivers: expected \"all\" or \"diffuse\", found \"{other}\""
+                )));
+            }
+        };
+        Ok(trace::Settings {
+            stored: p.stored,
+            max_path_m: p.max_path_m,
+            seed: p.seed,
+            sun_visibility: p.sun_visibility,
+            receivers,
+        })
+    }
+
+    pub fn quantity(&self) -> Result<Quantity, Error> {
+        match self.project.glare.quantity.as_str() {
+            "surface" => Ok(Quantity::Surface),
+            "normal" => Ok(Quantity::Normal),
+            other => Err(self.wrong(format!(
+                "glare.quantity: expected \"surface\" or \"normal\", found \"{other}\""
+            ))),
+        }
+    }
+
+    pub fn glare(&self, memory_bytes: u64) -> Result<glare::Settings, Error> {
+        let g = &self.project.glare;
+        let mut seen = Vec::new();
+        for &t in &g.thresholds_w_m2 {
+            if !(t >= 0.0 && t.is_finite()) || seen.contains(&t) {
+                return Err(self.wrong(format!(
+                    "glare.thresholds_w_m2: expected different finite numbers from 0, found {t}"
+                )));
+            }
+            seen.push(t);
+        }
+        let connectivity =
+            glare::Connectivity::from_neighbours(g.connectivity).ok_or_else(|| {
+                self.wrong(format!(
+                    "glare.connectivity: expected 6, 18 or 26, found {}",
+                    g.connectivity
+                ))
+            })?;
+        if g.sigma.iter().any(|s| !(0.0..=1000.0).contains(s))
+            || g.truncate.is_nan()
+            || g.truncate < 0.0
+        {
+            return Err(self.wrong(format!(
+                "glare.sigma and glare.truncate: expected numbers from 0, found {:?} and {}",
+                g.sigma, g.truncate
+            )));
+        }
+        for rule in &g.rules {
+            glare::rules::built_in(rule).map_err(|e| self.wrong(format!("glare.rules: {e}")))?;
+        }
+        Ok(glare::Settings {
+            threshold: 0.0,
+            sigma: g.sigma,
+            truncate: g.truncate,
+            connectivity,
+            allow_nonfinite: false,
+            memory_bytes,
+        })
+    }
+}
+
+fn candidate(name: &str, models: Vec<Model>) -> Result<Candidate, Error> {
+    let bsdfs = models
+        .iter()
+        .map(|m| {
+            Bsdf::from_model(m).map_err(|source| Error::Material { name: name.to_owned(), source })
+        })
+        .collect::<Result<_, _>>()?;
+    Ok(Candidate { name: name.to_owned(), models, bsdfs })
+}

@@ -13,6 +13,7 @@ mod project;
 mod resolve;
 mod runner;
 mod set;
+mod shard;
 mod stages;
 mod verify;
 
@@ -25,4 +26,5 @@ pub use project::Project;
 pub use resolve::{Candidate, DRAFT_BELOW_PHOTONS, PlannedView, Resolved};
 pub use runner::{Options, Stage, Summary, run};
 pub use set::Assignment;
+pub use shard::Shard;
 pub use verify::verify;

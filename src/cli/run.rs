@@ -4,12 +4,12 @@ use std::path::{Path, PathBuf};
 use clap::builder::{PossibleValuesParser, TypedValueParser};
 
 use super::{Context, size};
-use crate::run::{self, Assignment, Options, Resolved, Stage, Summary};
+use crate::run::{self, Assignment, Options, Resolved, Shard, Stage, Summary};
 
 /// Run what is missing or out of date, resume what was interrupted
 #[derive(Debug, clap::Args)]
 #[command(
-    after_help = "Examples:\n  glintmap run church\n  glintmap run church --until trace\n  glintmap run church --set photons.stored=200000 --set view.plan.bandwidth=50"
+    after_help = "Examples:\n  glintmap run church\n  glintmap run church --until trace\n  glintmap run church --until trace --shard 2/8\n  glintmap run church --set photons.stored=200000 --set view.plan.bandwidth=50"
 )]
 pub(super) struct Arguments {
     /// The project's folder or its project.toml
@@ -27,6 +27,9 @@ pub(super) struct How {
     /// Redo this stage and what follows
     #[arg(long, value_name = "STAGE", value_parser = stage())]
     force: Option<Stage>,
+    /// Trace only the I-th of N shares of the photons (with --until trace)
+    #[arg(long, value_name = "I/N", requires = "until")]
+    shard: Option<Shard>,
     /// Override a key of the project file; tables by name, TOML values
     #[arg(long, value_name = "KEY=VALUE")]
     set: Vec<Assignment>,
@@ -58,9 +61,15 @@ pub(super) fn go(project: &Path, how: &How, context: &Context) -> anyhow::Result
 /// Runs a project.
 pub(super) fn finished(project: &Path, how: &How, context: &Context) -> anyhow::Result<Summary> {
     let resolved = Resolved::read(project, &how.set, how.memory)?;
+    if how.shard.is_some() && how.until != Some(Stage::Trace) {
+        let what = "--shard: a share of the photons is traced with `--until trace`; a run without \
+                    --shard joins the shares and goes on";
+        return Err(run::Error::Unsupported(what.to_owned()).into());
+    }
     let options = Options {
         until: how.until.unwrap_or(Stage::Report),
         force: how.force,
+        shard: how.shard,
         memory_bytes: how.memory,
         page_cache_bytes: how.page_cache,
     };

@@ -32,6 +32,6 @@ pub use facts::{About, RADIUS_RULE, StoreInfo};
 pub use inspect::{LevelStats, PerTimestep};
 pub use mapped::Access;
 pub use query::{Neighbour, Neighbours, Query};
-pub use spill::{Spill, SpillSummary, discard};
+pub use spill::{Spill, SpillSummary, discard, join};
 pub use store::{OpenOptions, Store};
 pub use verify::verify;

@@ -1,6 +1,6 @@
 //! Photons on their way to the store: appended to one file per octree cell, as they come.
 
-use std::fs::{self, File};
+use std::fs::{self, File, OpenOptions};
 use std::io::{self, Read, Write};
 use std::path::{Path, PathBuf};
 
@@ -10,10 +10,12 @@ use glintmap_formats::seal;
 
 use super::Error;
 use super::morton::{Cube, LEVELS};
-use crate::base::{Aabb, Photon, PhotonSink, SinkError};
+use crate::base::{Aabb, Photon, PhotonSink, Progress, SinkError};
 
 /// The file that says that a spill is complete.
 pub(super) const SUMMARY: &str = "spill.json";
+/// The file that says how far a spill that isn't complete can be trusted.
+const CHECKPOINT: &str = "checkpoint.json";
 /// Bytes of a photon in a bucket: all its fields, little endian.
 pub(super) const RECORD_BYTES: usize = 46;
 /// Levels of the octree by which photons are parted at once: 4,096 buckets.
@@ -22,7 +24,7 @@ pub(super) const SPLIT_LEVELS: u32 = 4;
 pub(super) const SPLIT_PREFIX: &str = "split-";
 const VERSION: u32 = 1;
 const SUFFIX: &str = "photons";
-const SUMMARY_BYTES_MAX: u64 = 16 << 20;
+const SUMMARY_BYTES_MAX: u64 = 64 << 20;
 
 /// What a completed spill holds.
 #[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
@@ -34,6 +36,14 @@ pub struct SpillSummary {
     pub(super) cube: Cube,
     /// The buckets that hold any, in Morton order.
     pub(super) buckets: Vec<Bucket>,
+}
+
+/// A spill at some moment, and what its owner said then.
+#[derive(serde::Serialize, serde::Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Checkpoint {
+    note: String,
+    spill: SpillSummary,
 }
 
 /// One file of photons: those of one octree cell, in the order in which they came.
@@ -168,13 +178,23 @@ impl Parting {
     ) -> Result<Self, Error> {
         fs::create_dir_all(dir).map_err(Error::io(dir, "making the folder"))?;
         remove_files(dir)?;
+        Ok(Self::new(dir, cube, (level, cell), expected, buffer_bytes))
+    }
+
+    fn new(
+        dir: &Path,
+        cube: Cube,
+        (level, cell): (u32, u64),
+        expected: u64,
+        buffer_bytes: usize,
+    ) -> Self {
         let down = SPLIT_LEVELS.min(LEVELS - level);
         let level = level + down;
         let first = cell << (3 * down);
         let bucket = |i| Bucket { level, cell: first + i, photons: 0, crc32c: 0 };
         let buckets = (0..1 << (3 * down)).map(|i| (Vec::new(), bucket(i))).collect();
         let dir = dir.to_owned();
-        Ok(Self { dir, cube, level, buckets, buffered: 0, buffer_bytes, photons: 0, expected })
+        Self { dir, cube, level, buckets, buffered: 0, buffer_bytes, photons: 0, expected }
     }
 
     pub fn push(&mut self, photon: &Photon) -> Result<(), Error> {
@@ -195,7 +215,7 @@ impl Parting {
                 continue;
             }
             let path = bucket.path(&self.dir);
-            fs::OpenOptions::new()
+            OpenOptions::new()
                 .create(true)
                 .append(true)
                 .open(&path)
@@ -235,7 +255,8 @@ fn remove_files(dir: &Path) -> Result<(), Error> {
             fs::remove_dir_all(&path).map_err(Error::io(&path, doing))?;
             continue;
         }
-        let ours = path.extension().is_some_and(|e| e == SUFFIX) || name == SUMMARY;
+        let ours =
+            path.extension().is_some_and(|e| e == SUFFIX) || name == SUMMARY || name == CHECKPOINT;
         if ours {
             fs::remove_file(&path).map_err(Error::io(&path, doing))?;
         }
@@ -271,9 +292,82 @@ impl Spill {
             let (min, max) = (bounds.min.to_array(), bounds.max.to_array());
             return Err(Error::Bounds { min, max });
         }
-        // Half of the buffers' share: a growing Vec may hold twice what is in it.
-        let buffer_bytes = (memory_bytes / 16).clamp(1 << 16, 128 << 20) as usize;
+        let buffer_bytes = buffer_bytes(memory_bytes);
         Ok(Self { parting: Parting::create(dir, cube, (0, 0), expected, buffer_bytes)? })
+    }
+
+    /// Writes what came so far to the files, and seals how long they are together with `note`, the
+    /// caller's own account of what came: [`Self::resume`] goes back to here. Costs some 0.1 s.
+    ///
+    /// # Errors
+    /// What the file system says.
+    pub fn checkpoint(&mut self, note: &str) -> Result<(), Error> {
+        self.parting.flush()?;
+        let some = self.parting.buckets.iter().map(|(_, b)| *b).filter(|b| b.photons > 0);
+        let checkpoint = Checkpoint {
+            note: note.to_owned(),
+            spill: SpillSummary {
+                version: VERSION,
+                photons: self.parting.photons,
+                cube: self.parting.cube,
+                buckets: some.collect(),
+            },
+        };
+        write_json(&self.parting.dir.join(CHECKPOINT), &checkpoint)
+    }
+
+    /// Goes on with an interrupted spill in `dir` from its last checkpoint; what came later is
+    /// cut off. Delivers the checkpoint's note. `None` where there is no checkpoint, it belongs to
+    /// other bounds, `accept` refuses its note, or files are shorter than it says: then nothing
+    /// was touched. The other arguments are those of [`Self::create`].
+    ///
+    /// # Errors
+    /// What the file system says.
+    pub fn resume(
+        dir: &Path,
+        bounds: Aabb,
+        expected: u64,
+        memory_bytes: u64,
+        accept: impl FnOnce(&str) -> bool,
+    ) -> Result<Option<(Self, String)>, Error> {
+        let Ok(file) = File::open(dir.join(CHECKPOINT)) else { return Ok(None) };
+        let mut text = Vec::new();
+        let read = file.take(SUMMARY_BYTES_MAX).read_to_end(&mut text);
+        let Ok(Checkpoint { note, spill }) = serde_json::from_slice(&text) else { return Ok(None) };
+        let long_enough = |bucket: &Bucket| {
+            let length = fs::metadata(bucket.path(dir)).map_or(0, |m| m.len());
+            bucket.photons.checked_mul(RECORD_BYTES as u64).is_some_and(|bytes| bytes <= length)
+        };
+        let usable = read.is_ok()
+            && spill.is_sound()
+            && spill.cube == Cube::around(bounds)
+            && accept(&note)
+            && spill.buckets.iter().all(long_enough);
+        if !usable {
+            return Ok(None);
+        }
+        let doing = "going back to a checkpoint";
+        let summary = dir.join(SUMMARY);
+        if summary.exists() {
+            fs::remove_file(&summary).map_err(Error::io(&summary, doing))?;
+        }
+        let buffer_bytes = buffer_bytes(memory_bytes);
+        let mut parting = Parting::new(dir, spill.cube, (0, 0), expected, buffer_bytes);
+        parting.photons = spill.photons;
+        for bucket in &spill.buckets {
+            parting.buckets[bucket.cell as usize].1 = *bucket;
+        }
+        for (_, bucket) in &parting.buckets {
+            let path = bucket.path(dir);
+            let cut = match OpenOptions::new().write(true).open(&path) {
+                Ok(_) if bucket.photons == 0 => fs::remove_file(&path),
+                Ok(file) => file.set_len(bucket.photons * RECORD_BYTES as u64),
+                Err(e) if bucket.photons == 0 && e.kind() == io::ErrorKind::NotFound => Ok(()),
+                Err(e) => Err(e),
+            };
+            cut.map_err(Error::io(&path, doing))?;
+        }
+        Ok(Some((Self { parting }, note)))
     }
 
     /// Writes what is left and seals the summary: from now on the spill is complete.
@@ -285,10 +379,7 @@ impl Spill {
             (self.parting.dir.clone(), self.parting.cube, self.parting.photons);
         let buckets = self.parting.finish()?;
         let summary = SpillSummary { version: VERSION, photons, cube, buckets };
-        let path = dir.join(SUMMARY);
-        let text = serde_json::to_vec_pretty(&summary)
-            .map_err(|e| Error::io(&path, "writing the summary")(e.into()))?;
-        seal::write_bytes(&path, &text).map_err(Error::io(&path, "writing the summary"))?;
+        write_json(&dir.join(SUMMARY), &summary)?;
         Ok(summary)
     }
 }
@@ -336,18 +427,80 @@ impl SpillSummary {
             .read_to_end(&mut text)
             .map_err(Error::io(&path, "reading the summary"))?;
         let summary: Self = serde_json::from_slice(&text).map_err(|e| damaged(e.to_string()))?;
-        let sum = summary.buckets.iter().try_fold(0u64, |n, b| n.checked_add(b.photons));
-        let sound = summary.buckets.iter().all(|b| b.level == SPLIT_LEVELS && b.cell < 1 << 12)
-            && summary.buckets.windows(2).all(|w| w[0].cell < w[1].cell)
-            && summary.cube.is_sound();
         if summary.version != VERSION {
             return Err(damaged(format!("version {}, expected {VERSION}", summary.version)));
         }
-        if !sound || sum != Some(summary.photons) {
+        if !summary.is_sound() {
             return Err(damaged("buckets and counts contradict each other".to_owned()));
         }
         Ok(summary)
     }
+
+    /// Whether its parts agree.
+    fn is_sound(&self) -> bool {
+        let sum = self.buckets.iter().try_fold(0u64, |n, b| n.checked_add(b.photons));
+        self.version == VERSION
+            && sum == Some(self.photons)
+            && self.buckets.iter().all(|b| b.level == SPLIT_LEVELS && b.cell < 1 << 12)
+            && self.buckets.windows(2).all(|w| w[0].cell < w[1].cell)
+            && self.cube.is_sound()
+    }
+}
+
+/// Joins completed spills of the same scene into one in `into`, where an older one is removed; the
+/// parts are left as they are. The store that is built from it is the same as if all photons had
+/// come into one spill.
+///
+/// # Errors
+/// [`Error::Unfinished`] and [`Error::Damaged`] for parts that don't hold, [`Error::Damaged`] for
+/// parts of different scenes, or what the file system says.
+pub fn join(
+    parts: &[PathBuf],
+    into: &Path,
+    memory_bytes: u64,
+    progress: &dyn Progress,
+) -> Result<SpillSummary, Error> {
+    let summaries: Vec<SpillSummary> =
+        parts.iter().map(|dir| SpillSummary::read(dir)).collect::<Result<_, _>>()?;
+    let photons = summaries.iter().map(|s| s.photons).sum();
+    let Some(first) = summaries.first() else {
+        return Err(Error::Unfinished { path: into.to_owned() });
+    };
+    for (dir, summary) in parts.iter().zip(&summaries) {
+        if summary.cube != first.cube {
+            return Err(Error::Damaged {
+                path: dir.join(SUMMARY),
+                byte: 0,
+                part: "cube of the scene".to_owned(),
+                what: format!("{:?} expected, {:?} found", first.cube, summary.cube),
+                stage: "trace",
+            });
+        }
+    }
+    let buffer_bytes = buffer_bytes(memory_bytes);
+    let mut parting = Parting::create(into, first.cube, (0, 0), photons, buffer_bytes)?;
+    progress.begin("joining shards", photons, "photons");
+    let copied = parts.iter().zip(&summaries).try_for_each(|(dir, summary)| {
+        summary.buckets.iter().try_for_each(|bucket| {
+            progress.check()?;
+            progress.advance(bucket.photons);
+            bucket.read(dir, |photon| parting.push(photon))
+        })
+    });
+    progress.finish();
+    copied?;
+    Spill { parting }.finish()
+}
+
+fn write_json(path: &Path, value: &impl serde::Serialize) -> Result<(), Error> {
+    let doing = "writing the summary";
+    let text = serde_json::to_vec_pretty(value).map_err(|e| Error::io(path, doing)(e.into()))?;
+    seal::write_bytes(path, &text).map_err(Error::io(path, doing))
+}
+
+/// Half of the buffers' share: a growing Vec may hold twice what is in it.
+fn buffer_bytes(memory_bytes: u64) -> usize {
+    (memory_bytes / 16).clamp(1 << 16, 128 << 20) as usize
 }
 
 /// Removes a spill once its store is sealed: its files, and the folder if nothing else is in it.

@@ -6,7 +6,9 @@ use glam::Vec3;
 
 use super::build::{Size, build_sized};
 use super::query::SAME_SIDE;
-use super::{About, Access, Error, Neighbours, OpenOptions, Query, Spill, Store, verify};
+use super::{
+    About, Access, Error, Neighbours, OpenOptions, Query, Spill, SpillSummary, Store, join, verify,
+};
 use crate::base::{
     Aabb, FaultKind, Photon, PhotonSink, Provenance, Purpose, Silent, SpectralBasis, Stream, Tally,
 };
@@ -352,6 +354,63 @@ fn the_radius_serves_the_dim_rest_beside_a_hot_spot() {
 fn kind<T>(result: Result<T, Error>) -> (FaultKind, String) {
     let error = result.err().expect("must fail");
     (error.kind(), error.to_string())
+}
+
+#[test]
+fn a_spill_goes_on_from_its_checkpoint() {
+    let keep = tempfile::tempdir().expect("a folder");
+    let (whole, cut) = (keep.path().join("whole"), keep.path().join("cut"));
+    let all = photons(Shape::Cloud, 20_000);
+    let new = |dir: &Path| Spill::create(dir, BOUNDS, 20_000, 1 << 20).expect("creates");
+    let mut spill = new(&whole);
+    spill.accept(&all).expect("takes");
+    let expected = spill.finish().expect("completes");
+    let mut spill = new(&cut);
+    spill.accept(&all[..9000]).expect("takes");
+    spill.checkpoint("nine").expect("seals");
+    // What comes later reaches the disk in part, and is lost.
+    spill.accept(&all[9000..17_000]).expect("takes");
+    drop(spill);
+    let resume = |bounds, note: &'static str| {
+        Spill::resume(&cut, bounds, 20_000, 1 << 20, |found| found == note).expect("reads")
+    };
+    assert!(resume(BOUNDS, "ten").is_none(), "another note");
+    let other = Aabb { min: BOUNDS.min, max: BOUNDS.max * 2.0 };
+    assert!(resume(other, "nine").is_none(), "another scene");
+    let (mut spill, note) = resume(BOUNDS, "nine").expect("goes on");
+    assert_eq!(note, "nine");
+    spill.accept(&all[9000..]).expect("takes");
+    assert_eq!(spill.finish().expect("completes"), expected);
+    // Once more from there, although it was completed; then with a file cut short.
+    let (mut spill, _) = resume(BOUNDS, "nine").expect("goes on");
+    assert!(matches!(SpillSummary::read(&cut), Err(Error::Unfinished { .. })));
+    spill.accept(&all[9000..]).expect("takes");
+    assert_eq!(spill.finish().expect("completes"), expected);
+    let file = expected.buckets[0].path(&cut);
+    std::fs::write(file, b"short").expect("writes");
+    assert!(resume(BOUNDS, "nine").is_none(), "a file that is too short");
+}
+
+#[test]
+fn joined_spills_are_one_spill() {
+    let keep = tempfile::tempdir().expect("a folder");
+    let at = |name: &str| keep.path().join(name);
+    let all = photons(Shape::Clusters, 20_000);
+    let fill = |name: &str, some: &[Photon]| {
+        let mut spill = Spill::create(&at(name), BOUNDS, 20_000, 1 << 20).expect("creates");
+        spill.accept(some).expect("takes");
+        spill.finish().expect("completes")
+    };
+    let whole = fill("whole", &all);
+    fill("a", &all[..7000]);
+    fill("none", &[]);
+    fill("b", &all[7000..]);
+    let parts = ["a", "none", "b"].map(at);
+    let joined = join(&parts, &at("joined"), 1 << 20, &Silent).expect("joins");
+    assert_eq!(joined, whole, "the same files in the same order");
+    std::fs::remove_file(at("b").join("spill.json")).expect("removes");
+    let incomplete = join(&parts, &at("joined"), 1 << 20, &Silent);
+    assert!(matches!(incomplete, Err(Error::Unfinished { .. })));
 }
 
 #[test]

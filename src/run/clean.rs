@@ -94,7 +94,7 @@ pub fn clean(resolved: &Resolved, parts: &[Part]) -> Result<Cleaned, Error> {
         return Ok(cleaned);
     }
     // Who only looks needs no lock: a run may be going on.
-    let _lock = if parts.is_empty() { None } else { Some(folder.lock()?) };
+    let _lock = if parts.is_empty() { None } else { Some(folder.lock(None)?) };
     let mut manifest = Manifest::read(folder.root())?;
     let found = sort_out(resolved, &folder, &manifest)?;
     let mut ours = 0;

@@ -75,6 +75,14 @@ pub enum Error {
         /// The stage that makes it.
         stage: &'static str,
     },
+    /// Shares of the photons are missing.
+    #[error("{}: {what}; make them with `glintmap run PROJECT --until trace --shard I/N`, or remove the folder to trace everything here", path.display())]
+    Shards {
+        /// The folder of the shares.
+        path: PathBuf,
+        /// Which, and why.
+        what: String,
+    },
     /// Something outside what this version can do.
     #[error("{0}")]
     Unsupported(String),
@@ -126,7 +134,7 @@ impl Error {
     pub fn kind(&self) -> FaultKind {
         match self {
             Self::Project { .. } | Self::InTheWay { .. } | Self::NotMade { .. } => FaultKind::Input,
-            Self::Unsupported(_) | Self::Material { .. } => FaultKind::Input,
+            Self::Shards { .. } | Self::Unsupported(_) | Self::Material { .. } => FaultKind::Input,
             // What was named can't be read: another name, other rights, another kind of file.
             Self::Read { source, .. }
                 if matches!(

@@ -4,6 +4,7 @@ use std::fs::{self, File, TryLockError};
 use std::path::{Path, PathBuf};
 
 use super::error::Error;
+use super::shard::Shard;
 
 /// The names below a project's `run/`. All but [`Folder::root`] are relative to it.
 #[derive(Clone, Debug)]
@@ -52,6 +53,11 @@ impl Folder {
         Path::new(candidate).join("spill")
     }
 
+    /// Where shares of a candidate's photons wait to be joined.
+    pub fn shards(&self, candidate: &str) -> PathBuf {
+        Path::new(candidate).join("shards")
+    }
+
     /// Where the photons went: counts and flux.
     pub fn tally(&self, candidate: &str) -> PathBuf {
         Path::new(candidate).join("tally.json")
@@ -90,12 +96,14 @@ impl Folder {
         Ok(path)
     }
 
-    /// Locks the run folder against another run of ours; the lock ends with the value.
+    /// Locks the run folder against another run of ours, or one share of its photons against
+    /// another run of the same share; the lock ends with the value.
     ///
     /// # Errors
     /// [`Error::Busy`] when another process holds it.
-    pub fn lock(&self) -> Result<File, Error> {
-        let path = self.prepare(Path::new("log/lock"))?;
+    pub fn lock(&self, shard: Option<Shard>) -> Result<File, Error> {
+        let name = shard.map_or("lock".to_owned(), |shard| format!("lock-{}", shard.name()));
+        let path = self.prepare(&Path::new("log").join(name))?;
         let file =
             File::create(&path).map_err(|source| Error::Write { path: path.clone(), source })?;
         match file.try_lock() {

@@ -15,6 +15,7 @@ use super::folder::Folder;
 use super::log::Log;
 use super::manifest::Manifest;
 use super::resolve::Resolved;
+use super::shard::Shard;
 use super::stages;
 use super::units::{Planned, units};
 use crate::base::{Finding, Progress, Provenance, Severity, Timeline};
@@ -74,6 +75,8 @@ pub struct Options {
     pub until: Stage,
     /// Redo this stage and what follows.
     pub force: Option<Stage>,
+    /// Only this share of the photons: nothing but the stage `trace` is run.
+    pub shard: Option<Shard>,
     /// Bound of anonymous memory, bytes.
     pub memory_bytes: u64,
     /// Of the photon store's page cache, bytes.
@@ -85,6 +88,7 @@ impl Default for Options {
         Self {
             until: Stage::Report,
             force: None,
+            shard: None,
             memory_bytes: 1 << 30,
             page_cache_bytes: 256 << 20,
         }
@@ -129,7 +133,7 @@ pub fn run(
     progress: &dyn Progress,
 ) -> Result<Summary, Error> {
     let folder = Folder::new(resolved.run_folder());
-    let _lock = folder.lock()?;
+    let _lock = folder.lock(options.shard)?;
     let log = Log::begin(&folder, &options)?;
     let manifest = Manifest::read(folder.root())?;
     let mut job = Job {
@@ -162,6 +166,13 @@ fn stages_of(job: &mut Job<'_>) -> Result<(), Error> {
     for stage in Stage::ALL {
         if stage > job.options.until {
             break;
+        }
+        // Other shares may be at work in the same folder: what all share isn't touched.
+        if job.options.shard.is_some() {
+            if stage == Stage::Trace {
+                stages::trace(job)?;
+            }
+            continue;
         }
         job.forget(stage)?;
         match stage {
@@ -284,9 +295,14 @@ impl Job<'_> {
         key: &str,
         outputs: &[PathBuf],
         began: Instant,
-        mut facts: Value,
+        facts: Value,
     ) -> Result<(), Error> {
         self.manifest.record(self.folder.root(), unit, key, outputs)?;
+        self.note(unit, began, facts)
+    }
+
+    /// Notes in the log and the summary that a unit was made, not in the manifest.
+    pub fn note(&mut self, unit: &str, began: Instant, mut facts: Value) -> Result<(), Error> {
         if let Some(object) = facts.as_object_mut() {
             object.insert("took_s".into(), began.elapsed().as_secs_f64().into());
         }

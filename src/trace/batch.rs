@@ -5,10 +5,45 @@ use rayon::prelude::*;
 use super::emission::Emission;
 use super::path::{Batch, Draw, Tracer};
 use super::{Error, Plan};
-use crate::base::{PhotonSink, Progress, Purpose, Tally};
+use crate::base::{Photon, PhotonSink, Progress, Purpose, SinkError, Tally};
 
 /// Photons that are sent in one piece. Fixed: the tally's sums depend on it.
 pub const BATCH_PHOTONS: u64 = 65_536;
+
+/// Batches of a unit at least and at most, and how many units a plan is cut into in between: few
+/// enough that a unit takes seconds, large enough that many threads find work in it.
+const UNIT_BATCHES: (u64, u64) = (16, 256);
+const UNITS: u64 = 256;
+
+impl Plan {
+    /// Batches of each unit but the last. Depends on nothing but the plan.
+    fn unit_batches(&self) -> u64 {
+        let batches = self.emitted.div_ceil(BATCH_PHOTONS);
+        batches.div_ceil(UNITS).clamp(UNIT_BATCHES.0, UNIT_BATCHES.1)
+    }
+
+    /// Into how many units the plan's photons are cut: contiguous, numbered from 0, the same for
+    /// any threads and machines.
+    pub fn units(&self) -> u64 {
+        self.emitted.div_ceil(BATCH_PHOTONS).div_ceil(self.unit_batches())
+    }
+
+    /// Numbers of the photons of a unit.
+    pub fn unit(&self, unit: u64) -> Range<u64> {
+        let size = self.unit_batches() * BATCH_PHOTONS;
+        let start = unit.saturating_mul(size).min(self.emitted);
+        start..start.saturating_add(size).min(self.emitted)
+    }
+}
+
+/// Takes photons, and is told when a unit is complete.
+pub trait UnitSink: PhotonSink {
+    /// All photons of `unit` were taken; `tally` says where they went.
+    ///
+    /// # Errors
+    /// When it can't be noted (a full disk).
+    fn complete(&mut self, unit: u64, tally: &Tally) -> Result<(), SinkError>;
+}
 
 /// Sends all photons of a plan and delivers those that land, batch by batch in order, whatever
 /// the number of threads; the sink is called by one thread at a time while the next batches are
@@ -22,31 +57,78 @@ pub fn run(
     sink: &mut dyn PhotonSink,
     progress: &dyn Progress,
 ) -> Result<Tally, Error> {
+    let units: Vec<u64> = (0..plan.units()).collect();
+    let mut sink = Summing { sink, tally: Tally::default() };
+    run_units(emission, plan, &units, &mut sink, progress)?;
+    Ok(sink.tally)
+}
+
+/// Sends the photons of some units of a plan, one unit after the other; [`run`] for all of them.
+/// The tally of the whole is the sum of the units' in ascending order, to the last bit.
+///
+/// # Errors
+/// What [`Emission::check`] finds, a sink that can't keep its photons, and interruption.
+pub fn run_units(
+    emission: &Emission,
+    plan: &Plan,
+    units: &[u64],
+    sink: &mut dyn UnitSink,
+    progress: &dyn Progress,
+) -> Result<(), Error> {
     let tracer = Tracer::new(emission)?;
     let draw =
         Draw { purpose: Purpose::Photon, seed: emission.settings.seed, emitted: plan.emitted };
-    progress.begin("tracing photons", plan.emitted, "photons");
-    let result = send_all(&tracer, draw, true, progress, |batch| Ok(sink.accept(&batch.photons)?));
+    let count = |&unit: &u64| {
+        let numbers = plan.unit(unit);
+        numbers.end - numbers.start
+    };
+    progress.begin("tracing photons", units.iter().map(count).sum(), "photons");
+    let result = units.iter().try_for_each(|&unit| {
+        let numbers = plan.unit(unit);
+        let deliver = |batch: &Batch| Ok(sink.accept(&batch.photons)?);
+        let tally = send_all(&tracer, draw, numbers, true, progress, deliver)?;
+        Ok(sink.complete(unit, &tally)?)
+    });
     progress.finish();
     result
 }
 
-/// Sends every photon of `draw`; `deliver` gets the batches in order.
+/// Adds up the tallies of the units.
+struct Summing<'a> {
+    sink: &'a mut dyn PhotonSink,
+    tally: Tally,
+}
+
+impl PhotonSink for Summing<'_> {
+    fn accept(&mut self, photons: &[Photon]) -> Result<(), SinkError> {
+        self.sink.accept(photons)
+    }
+}
+
+impl UnitSink for Summing<'_> {
+    fn complete(&mut self, _unit: u64, tally: &Tally) -> Result<(), SinkError> {
+        self.tally.add(tally);
+        Ok(())
+    }
+}
+
+/// Sends photons `numbers` of `draw`; `deliver` gets the batches in order.
 pub(super) fn send_all(
     tracer: &Tracer,
     draw: Draw,
+    numbers: Range<u64>,
     keep: bool,
     progress: &dyn Progress,
     mut deliver: impl FnMut(&Batch) -> Result<(), Error> + Send,
 ) -> Result<Tally, Error> {
-    let batches = draw.emitted.div_ceil(BATCH_PHOTONS);
+    let batches = (numbers.end - numbers.start).div_ceil(BATCH_PHOTONS);
     let window = 2 * rayon::current_num_threads().max(1) as u64;
     let send = |range: Range<u64>| -> Vec<Batch> {
         range
             .into_par_iter()
             .map(|i| {
-                let start = i * BATCH_PHOTONS;
-                tracer.send(draw, start..(start + BATCH_PHOTONS).min(draw.emitted), keep)
+                let start = numbers.start + i * BATCH_PHOTONS;
+                tracer.send(draw, start..(start + BATCH_PHOTONS).min(numbers.end), keep)
             })
             .collect()
     };

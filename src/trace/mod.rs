@@ -29,7 +29,7 @@ mod pilot;
 mod power;
 mod skyline;
 
-pub use batch::{BATCH_PHOTONS, run};
+pub use batch::{BATCH_PHOTONS, UnitSink, run, run_units};
 pub use emission::{Emission, Receivers, Settings};
 pub use error::Error;
 pub use pilot::{Plan, plan};

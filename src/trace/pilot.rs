@@ -72,7 +72,7 @@ fn rounds(
         // Photons of different rounds must not share numbers: the round is part of the seed.
         let seed = emission.settings.seed.wrapping_add(round.wrapping_mul(0x9E37_79B9_7F4A_7C15));
         let draw = Draw { purpose: Purpose::Pilot, seed, emitted: size };
-        let found = send_all(tracer, draw, false, &Quiet(progress), |_| Ok(()))?;
+        let found = send_all(tracer, draw, 0..size, false, &Quiet(progress), |_| Ok(()))?;
         tally.add(&found);
         progress.advance(found.stored.photons);
         let (sent, stored) = (tally.sent.photons, tally.stored.photons);

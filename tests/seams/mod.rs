@@ -2,3 +2,5 @@
 
 mod determinism;
 mod house;
+mod maps;
+mod memory;

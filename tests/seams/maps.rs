@@ -10,7 +10,9 @@ use std::sync::OnceLock;
 use glintmap::base::{Grid, Photon};
 use glintmap::pages::{Access, OpenOptions, Store};
 use glintmap::picture::exr;
-use glintmap::render::HitMap;
+use glintmap::render::{HitKind, HitMap};
+use glintmap::run::Resolved;
+use glintmap::run::probe::{Spot, probe};
 use glintmap::volume::Volume;
 use glintmap_formats::npy;
 
@@ -27,18 +29,23 @@ const THRESHOLDS: [&str; 2] = ["2", "5"];
 /// straight above sees little of the wall, where the light is.)
 const VIEW: &str = "-vtl -vp 30 0 20 -vd -1 0 -0.5 -vu 0 0 1 -vh 44 -vv 30";
 
+fn settings() -> [String; 3] {
+    [
+        format!("view.plan.series_bandwidth={BANDWIDTH}"),
+        format!("glare.thresholds_w_m2=[{}.0, {}.0]", THRESHOLDS[0], THRESHOLDS[1]),
+        format!("view.plan.view=\"{VIEW}\""),
+    ]
+}
+
 /// A run of the tiny project, made once for all tests of this file.
 fn run() -> &'static Path {
     static RUN: OnceLock<(tempfile::TempDir, PathBuf)> = OnceLock::new();
     let (_, folder) = RUN.get_or_init(|| {
         let (keep, folder) = project("tiny");
-        let path = folder.to_str().expect("a plain path");
-        let bandwidth = format!("view.plan.series_bandwidth={BANDWIDTH}");
-        let thresholds =
-            format!("glare.thresholds_w_m2=[{}.0, {}.0]", THRESHOLDS[0], THRESHOLDS[1]);
-        let view = format!("view.plan.view=\"{VIEW}\"");
-        let set = ["--set", &bandwidth, "--set", &thresholds, "--set", &view];
-        succeed(&[&["run", path, "--quiet"], &set[..]].concat());
+        let mut arguments = vec!["run".to_owned(), folder.display().to_string()];
+        arguments.push("--quiet".to_owned());
+        arguments.extend(settings().into_iter().flat_map(|s| ["--set".to_owned(), s]));
+        succeed(&arguments);
         (keep, folder.join("run"))
     });
     folder
@@ -281,6 +288,37 @@ fn maps_are_finite_and_exactly_zero_where_nothing_receives() {
         for t in 0..timesteps {
             let slice = &series[t * rows * columns..(t + 1) * rows * columns];
             check(&plan(material).join("series.zarr"), &format!("timestep {t}"), slice);
+        }
+    }
+}
+
+/// A probe says what the maps say; of sky and PV it says nothing, and no zero has a sign.
+#[test]
+fn a_probe_agrees_with_the_maps() {
+    let set = settings().map(|s| s.parse().expect("an assignment"));
+    let folder = run().parent().expect("the project");
+    let resolved = Resolved::read(folder, &set, 1 << 30).expect("reads");
+    let hits = hits();
+    let annual = MATERIALS.map(|m| channel(&plan(m).join("annual.exr"), "annual.wh_m2"));
+    let brightest = (0..hits.hits.len())
+        .max_by(|&a, &b| annual[0].data()[a].total_cmp(&annual[0].data()[b]))
+        .expect("pixels");
+    let of = |kind: HitKind| hits.hits.iter().position(|h| h.kind == kind).expect("in the view");
+    for (pixel, lit) in [(brightest, true), (of(HitKind::Sky), false), (of(HitKind::Pv), false)] {
+        let spot = Spot::Pixel(pixel % hits.columns, pixel / hits.columns);
+        let probed = probe(&resolved, "plan", spot).expect("probes");
+        assert_eq!(probed.materials.len(), MATERIALS.len());
+        for (found, annual) in probed.materials.iter().zip(&annual) {
+            let map = annual.data()[pixel];
+            assert!(close(map, found.annual_wh_m2, 1e-5), "{found:?}, the map {map}");
+            assert_eq!(found.shares.is_empty(), !lit, "{found:?}");
+            assert_eq!(found.series.is_empty(), !lit, "{found:?}");
+            let zeros = found.hours_above.iter().map(|(_, hours)| *hours);
+            assert!(zeros.chain([found.annual_wh_m2]).all(f64::is_sign_positive), "{found:?}");
+        }
+        if lit {
+            let total: f64 = probed.materials[0].shares.values().sum();
+            assert!((total - 1.0).abs() < 1e-9);
         }
     }
 }

@@ -123,7 +123,7 @@ pub fn probe(resolved: &Resolved, view: &str, spot: Spot) -> Result<Probed, Erro
             &OpenOptions { cache_bytes: 16 << 20, access: Access::Mapped },
         )?;
         let values = volume.pixel(column, row)?;
-        let shares = shares(&store, &hit, planned.annual.bandwidth)?;
+        let shares = shares(&store, &hit, planned)?;
         materials.push(material(resolved, &timeline, &candidate.name, &values, shares));
     }
     Ok(Probed {
@@ -146,13 +146,14 @@ fn pixel_of(view: &PlannedView, spot: Spot) -> Option<(usize, usize)> {
     }
 }
 
-fn shares(store: &Store, hit: &Hit, bandwidth: usize) -> Result<BTreeMap<String, f64>, Error> {
-    let query = Query {
-        point: hit.position,
-        normal: hit.normal,
-        count: bandwidth,
-        max_radius_m: store.max_radius_m(bandwidth),
-    };
+fn shares(store: &Store, hit: &Hit, view: &PlannedView) -> Result<BTreeMap<String, f64>, Error> {
+    // Sky and what is clipped have no place, and PV keeps no photons.
+    if !hit.kind.receives() {
+        return Ok(BTreeMap::new());
+    }
+    let count = view.annual.bandwidth;
+    let max_radius_m = view.annual.max_radius_m.unwrap_or_else(|| store.max_radius_m(count));
+    let query = Query { point: hit.position, normal: hit.normal, count, max_radius_m };
     let mut found = Neighbours::default();
     store.nearest(&query, &mut found)?;
     let mut shares: BTreeMap<String, f64> = BTreeMap::new();
@@ -194,8 +195,8 @@ fn material(
             .iter()
             .zip(values)
             .filter(|(_, e)| f64::from(**e) > above)
-            .map(|(s, _)| s.weight_h)
-            .sum::<f64>()
+            // Not `sum`: of nothing it is -0, and would be printed so.
+            .fold(0.0, |sum, (s, _)| sum + s.weight_h)
     };
     let peak = moments.iter().max_by(|a, b| a.irradiance_w_m2.total_cmp(&b.irradiance_w_m2));
     ProbedMaterial {
@@ -204,8 +205,7 @@ fn material(
             .steps
             .iter()
             .zip(values)
-            .map(|(s, e)| s.weight_h * f64::from(*e))
-            .sum(),
+            .fold(0.0, |sum, (s, e)| sum + s.weight_h * f64::from(*e)),
         peak_w_m2: peak.map_or(0.0, |m| m.irradiance_w_m2),
         peak_at: peak.map_or_else(|| "never".into(), |m| m.at.clone()),
         hours_above: resolved

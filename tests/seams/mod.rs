@@ -2,4 +2,6 @@
 
 mod determinism;
 mod house;
+mod maps;
+mod memory;
 mod shards;

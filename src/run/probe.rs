@@ -194,8 +194,8 @@ fn material(
             .iter()
             .zip(values)
             .filter(|(_, e)| f64::from(**e) > above)
-            .map(|(s, _)| s.weight_h)
-            .sum::<f64>()
+            // An empty `sum` is -0.
+            .fold(0.0, |sum, (s, _)| sum + s.weight_h)
     };
     let peak = moments.iter().max_by(|a, b| a.irradiance_w_m2.total_cmp(&b.irradiance_w_m2));
     ProbedMaterial {
@@ -204,8 +204,7 @@ fn material(
             .steps
             .iter()
             .zip(values)
-            .map(|(s, e)| s.weight_h * f64::from(*e))
-            .sum(),
+            .fold(0.0, |sum, (s, e)| sum + s.weight_h * f64::from(*e)),
         peak_w_m2: peak.map_or(0.0, |m| m.irradiance_w_m2),
         peak_at: peak.map_or_else(|| "never".into(), |m| m.at.clone()),
         hours_above: resolved

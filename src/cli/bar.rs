@@ -3,7 +3,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex};
 use std::time::Duration;
 
-use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
+use indicatif::{HumanCount, ProgressBar, ProgressDrawTarget, ProgressState, ProgressStyle};
 
 use crate::base::{Interrupted, Progress};
 
@@ -43,10 +43,14 @@ impl Progress for Bar {
             ProgressDrawTarget::stderr_with_hz(5)
         };
         let template = format!(
-            "{{msg:34!}} {{bar:24}} {{percent:>3}} % {{human_pos}}/{{human_len}} {unit}, {{per_sec}}, {{eta}} left"
+            "{{msg:34!}} {{bar:24}} {{percent:>3}} % {{human_pos}}/{{human_len}} {unit}, {{rate}}, {{eta}} left"
         );
         let style = ProgressStyle::with_template(&template)
-            .unwrap_or_else(|_| ProgressStyle::default_bar());
+            .unwrap_or_else(|_| ProgressStyle::default_bar())
+            .with_key("rate", |state: &ProgressState, out: &mut dyn std::fmt::Write| {
+                // Drawn again in a moment: what can't be written now doesn't matter.
+                let _ = write!(out, "{}/s", HumanCount(state.per_sec() as u64));
+            });
         let bar = ProgressBar::with_draw_target(Some(total), target).with_style(style);
         bar.set_message(what.to_owned());
         bar.enable_steady_tick(Duration::from_millis(500));

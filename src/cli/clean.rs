@@ -43,6 +43,9 @@ pub(super) fn run(arguments: &Arguments, context: &Context) -> anyhow::Result<()
 }
 
 fn table(cleaned: &Cleaned) -> String {
+    if cleaned.parts.is_empty() && cleaned.other_bytes == 0 {
+        return format!("{}: nothing was made yet", cleaned.folder.display());
+    }
     let mut text = format!("{}\n", cleaned.folder.display());
     for part in &cleaned.parts {
         // Writing into a String can't fail.

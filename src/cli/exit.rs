@@ -4,7 +4,26 @@ use crate::base::{FaultKind, Interrupted};
 
 /// What an error means for the process: the first cause that a room classified decides.
 pub fn exit_code(error: &anyhow::Error) -> FaultKind {
-    error.chain().find_map(classify).unwrap_or(FaultKind::Failed)
+    error
+        .chain()
+        .find_map(classify)
+        .or_else(|| error.chain().find_map(named))
+        .unwrap_or(FaultKind::Failed)
+}
+
+/// Where no room had a say: names of the command line that lead nowhere.
+fn named(cause: &(dyn std::error::Error + 'static)) -> Option<FaultKind> {
+    use std::io::ErrorKind;
+    let kind = cause.downcast_ref::<std::io::Error>()?.kind();
+    matches!(
+        kind,
+        ErrorKind::NotFound
+            | ErrorKind::PermissionDenied
+            | ErrorKind::AlreadyExists
+            | ErrorKind::NotADirectory
+            | ErrorKind::IsADirectory
+    )
+    .then_some(FaultKind::Input)
 }
 
 fn classify(cause: &(dyn std::error::Error + 'static)) -> Option<FaultKind> {
@@ -37,10 +56,10 @@ fn classify(cause: &(dyn std::error::Error + 'static)) -> Option<FaultKind> {
 /// Prints an error on standard error: where, what was expected, what was found, and why. With
 /// `json` as one line `{"error", "because", "kind", "exit_code"}`.
 pub fn tell(error: &anyhow::Error, json: bool) {
-    // A room's transparent error repeats its source: nobody needs to read it twice.
+    // Errors that say their source's words already: nobody needs to read them twice.
     let mut causes: Vec<String> = Vec::new();
     for cause in error.chain().map(ToString::to_string) {
-        if causes.last() != Some(&cause) {
+        if !causes.last().is_some_and(|above| above.contains(&cause)) {
             causes.push(cause);
         }
     }

@@ -15,7 +15,7 @@ use crate::render::HitMap;
     after_help = "Example:\n  glintmap inspect run/standard/photons.gmp --per-timestep > photons.csv"
 )]
 pub(super) struct Arguments {
-    /// The file
+    /// The file: photons.gmp, hits.gmh or series.zarr
     file: PathBuf,
     /// Of a photon store: print CSV `index,photons,flux_w` for all timesteps
     #[arg(long)]
@@ -24,6 +24,9 @@ pub(super) struct Arguments {
 
 pub(super) fn run(arguments: &Arguments, context: &Context) -> anyhow::Result<()> {
     let path = &arguments.file;
+    if path.is_dir() {
+        return super::volume::look(path, true, context);
+    }
     match ours::format_name(path, &["photons", "hits"])? {
         "photons" => photons(path, arguments.per_timestep, context),
         _ => hits(path, context),

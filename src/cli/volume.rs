@@ -2,7 +2,7 @@ mod pictures;
 
 use std::fmt::Write as _;
 use std::ops::Range;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use anyhow::Context as _;
 use serde_json::{Value, json};
@@ -94,14 +94,15 @@ fn parse_timesteps(text: &str) -> Result<(usize, usize), String> {
 
 pub(super) fn run(command: &Command, context: &Context) -> anyhow::Result<()> {
     match command {
-        Command::Info(arguments) => info(arguments, context),
+        Command::Info(arguments) => look(&arguments.volume, arguments.fast, context),
         Command::Export(arguments) => export(arguments, context),
         Command::Import(arguments) => import(arguments, context),
     }
 }
 
-fn info(arguments: &Info, context: &Context) -> anyhow::Result<()> {
-    let volume = Volume::open(&arguments.volume)?;
+/// Says what a volume holds; `fast`: without reading its numbers.
+pub(super) fn look(path: &Path, fast: bool, context: &Context) -> anyhow::Result<()> {
+    let volume = Volume::open(path)?;
     let [timesteps, rows, columns] = volume.shape();
     let segments = volume.segments();
     let quantity = volume.quantity();
@@ -134,7 +135,7 @@ fn info(arguments: &Info, context: &Context) -> anyhow::Result<()> {
         writeln!(text, "{stored} on disk, {dense} uncompressed and dense")?;
         document["summary"] = json!(summary);
     }
-    if !arguments.fast {
+    if !fast {
         let survey = volume.survey(context.progress())?;
         let voxels = timesteps as f64 * (rows * columns) as f64;
         let part = 100.0 * survey.nonzero as f64 / voxels;

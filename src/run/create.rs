@@ -111,6 +111,28 @@ pub struct SiteAt {
     pub meridian: f64,
 }
 
+impl SiteAt {
+    fn check(&self, path: &Path) -> Result<(), Error> {
+        for (name, value, bound) in [
+            ("latitude", self.latitude, 90.0),
+            ("longitude", self.longitude, 180.0),
+            ("meridian", self.meridian, 180.0),
+        ] {
+            if value.is_nan() || value.abs() > bound {
+                return Err(Error::Project {
+                    path: path.to_owned(),
+                    line: 0,
+                    column: 0,
+                    message: format!(
+                        "{name}: expected degrees from -{bound} to {bound} (north and east are positive), found {value}"
+                    ),
+                });
+            }
+        }
+        Ok(())
+    }
+}
+
 /// Writes a project for a site of one's own, with a plan view and a panorama that fit, and
 /// returns the scene that it read for that.
 ///
@@ -126,6 +148,7 @@ pub fn create(
     if path.exists() {
         return Err(Error::InTheWay { path });
     }
+    at.check(&path)?;
     let scene = SceneSpec {
         files: files.iter().map(|f| SceneFile { path: f.clone(), unit: None, up: None }).collect(),
         default_reflectance: 0.25,

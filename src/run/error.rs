@@ -19,6 +19,12 @@ pub enum Error {
         /// What was expected, what was found, what to do.
         message: String,
     },
+    /// There is no project.
+    #[error("{}: there is no such project; expected a folder with a project.toml, or that file (`glintmap new` and `glintmap demo` make one)", path.display())]
+    NoProject {
+        /// The project file that was looked for.
+        path: PathBuf,
+    },
     /// A file can't be read.
     #[error("can't read {}", path.display())]
     Read {
@@ -44,7 +50,7 @@ pub enum Error {
         message: String,
     },
     /// There is something in the way that would be lost.
-    #[error("{} exists and is no glintmap project; name an empty or a new folder", path.display())]
+    #[error("{} is there already and would be overwritten; name an empty or a new folder", path.display())]
     InTheWay {
         /// The folder or file.
         path: PathBuf,
@@ -133,7 +139,8 @@ impl Error {
     /// What kind of failure it is.
     pub fn kind(&self) -> FaultKind {
         match self {
-            Self::Project { .. } | Self::InTheWay { .. } | Self::NotMade { .. } => FaultKind::Input,
+            Self::Project { .. } | Self::NoProject { .. } => FaultKind::Input,
+            Self::InTheWay { .. } | Self::NotMade { .. } => FaultKind::Input,
             Self::Shards { .. } | Self::Unsupported(_) | Self::Material { .. } => FaultKind::Input,
             // What was named can't be read: another name, other rights, another kind of file.
             Self::Read { source, .. }
@@ -144,6 +151,19 @@ impl Error {
                         | io::ErrorKind::IsADirectory
                         | io::ErrorKind::NotADirectory
                         | io::ErrorKind::InvalidData
+                ) =>
+            {
+                FaultKind::Input
+            }
+            // The name leads through a file, or to something that is not ours to write.
+            Self::Write { source, .. }
+                if matches!(
+                    source.kind(),
+                    io::ErrorKind::AlreadyExists
+                        | io::ErrorKind::NotADirectory
+                        | io::ErrorKind::IsADirectory
+                        | io::ErrorKind::PermissionDenied
+                        | io::ErrorKind::ReadOnlyFilesystem
                 ) =>
             {
                 FaultKind::Input

@@ -195,7 +195,7 @@ fn material(
             .iter()
             .zip(values)
             .filter(|(_, e)| f64::from(**e) > above)
-            // Not `sum`: of nothing it is -0, and would be printed so.
+            // An empty `sum` is -0.
             .fold(0.0, |sum, (s, _)| sum + s.weight_h)
     };
     let peak = moments.iter().max_by(|a, b| a.irradiance_w_m2.total_cmp(&b.irradiance_w_m2));

@@ -1,6 +1,7 @@
 //! The project file as it is written: every key, its default, and where a mistake is.
 
 use std::fs;
+use std::io;
 use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
@@ -378,13 +379,22 @@ fn four_hundred() -> usize {
 /// of the wrong kind: with line and column.
 pub fn read(path: &Path, set: &[Assignment]) -> Result<(PathBuf, Project), Error> {
     let file = if path.is_dir() { path.join("project.toml") } else { path.to_owned() };
-    let text =
-        fs::read_to_string(&file).map_err(|source| Error::Read { path: file.clone(), source })?;
+    let text = fs::read_to_string(&file).map_err(|source| match source.kind() {
+        io::ErrorKind::NotFound => Error::NoProject { path: file.clone() },
+        _ => Error::Read { path: file.clone(), source },
+    })?;
     // The text as it stands first, so that line numbers in errors are those of the file.
     let mut project = parse(&file, &text)?;
     if !set.is_empty() {
         let changed = apply(&file, &text, set)?;
-        project = parse(&file, &changed)?;
+        // Lines of the changed text are nobody's lines.
+        project = parse(&file, &changed).map_err(|error| match error {
+            Error::Project { path, message, .. } => {
+                let message = format!("with --set: {message}");
+                Error::Project { path, line: 0, column: 0, message }
+            }
+            other => other,
+        })?;
     }
     Ok((file, project))
 }

@@ -53,11 +53,37 @@ impl Reader<'_> {
                 return Err(self.wrong(format!("[[pv]] \"{}\": the name is taken", t.name)));
             }
         }
+        self.numbers()?;
         if p.pv.is_empty() {
             return Err(self.wrong("expected at least one [[pv]], found none"));
         }
         if p.material.is_empty() {
             return Err(self.wrong("expected at least one [[material]], found none"));
+        }
+        Ok(())
+    }
+
+    /// TOML knows nan and inf; nothing selects by them and nobody stands there.
+    fn numbers(&self) -> Result<(), Error> {
+        for t in &self.project.pv {
+            let s = &t.select;
+            let azimuth = s.azimuth_deg.unwrap_or_default();
+            let all = [s.min_tilt_deg, s.max_tilt_deg, Some(azimuth[0]), Some(azimuth[1])];
+            if let Some(found) = all.into_iter().flatten().find(|v| !v.is_finite()) {
+                return Err(self.wrong(format!(
+                    "[[pv]] \"{}\": select: expected degrees, found {found}",
+                    t.name
+                )));
+            }
+        }
+        for o in &self.project.observer {
+            let direction = o.direction.unwrap_or_default();
+            if let Some(found) = o.point.iter().chain(&direction).find(|v| !v.is_finite()) {
+                return Err(self.wrong(format!(
+                    "[[observer]] \"{}\": expected finite numbers of metres, found {found}",
+                    o.name
+                )));
+            }
         }
         Ok(())
     }

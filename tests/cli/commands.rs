@@ -29,9 +29,10 @@ fn table_3_has_the_papers_number_of_suns() {
 
 #[test]
 fn every_command_has_help_with_an_example() {
-    for command in
-        ["demo", "new", "run", "plan", "check", "probe", "suns", "convert", "inspect", "verify"]
-    {
+    for command in [
+        "demo", "new", "run", "plan", "check", "probe", "suns", "convert", "inspect", "verify",
+        "clean", "report",
+    ] {
         let said = succeed(&[command, "--help"]);
         assert!(said.out.contains("Example"), "{command} --help shows no example");
     }
@@ -138,4 +139,54 @@ fn new_writes_a_project_that_checks_and_runs() {
         "0",
     ]);
     assert_eq!(again.code, 2, "{}", again.err);
+}
+
+#[test]
+fn new_writes_nothing_for_a_place_that_is_not_on_earth() {
+    let (keep, folder) = project("tiny");
+    let new = keep.path().join("mine");
+    let text = |p: &std::path::Path| p.to_str().expect("a plain path").to_owned();
+    let (new_text, scene) = (text(&new), text(&folder.join("scene.rad")));
+    let at = ["--latitude", "95", "--longitude", "8", "--meridian", "15", "--pv", "modifier=pv"];
+    let said = say(&[&["new", &new_text, "--scene", &scene][..], &at[..]].concat());
+    assert_eq!(said.code, 2, "{}", said.err);
+    assert!(said.err.contains("latitude"), "{}", said.err);
+    assert!(!new.exists());
+}
+
+#[test]
+fn an_error_is_one_json_line_where_results_are_json() {
+    let said = say(&["run", "no/such/project", "--json"]);
+    assert_eq!((said.code, said.out.as_str()), (2, ""));
+    let last = said.err.lines().last().expect("a line");
+    let error: serde_json::Value = serde_json::from_str(last).expect("a JSON line");
+    assert_eq!(error["exit_code"], 2);
+    assert!(error["error"].to_string().contains("no/such/project"), "{error}");
+}
+
+#[test]
+fn a_volume_becomes_pictures_of_one_scale() {
+    let (keep, folder) = project("tiny");
+    let path = folder.to_str().expect("a plain path");
+    succeed(&["run", path, "--quiet", "--until", "render"]);
+    let series = format!("{path}/run/standard/plan/series.zarr");
+    let pictures = keep.path().join("june");
+    let dir = pictures.to_str().expect("a plain path");
+    let export = |range: &str| {
+        let words =
+            ["volume", "export", &series, "--pictures", dir, "--timesteps", range, "--json"];
+        let said = succeed(&words);
+        serde_json::from_str::<serde_json::Value>(&said.out).expect("one JSON document")
+    };
+    let (few, one) = (export("10:12"), export("20:20"));
+    assert_eq!(few["pictures"]["scale_max_w_m2"], one["pictures"]["scale_max_w_m2"]);
+    for name in ["t00010.exr", "t00012.png", "t00020.png"] {
+        assert!(pictures.join(name).exists(), "{name}");
+    }
+    assert_eq!(std::fs::read_dir(&pictures).expect("reads").count(), 8);
+    let beyond = say(&["volume", "export", &series, "--pictures", dir, "--timesteps", "10:999"]);
+    assert_eq!(beyond.code, 2, "{}", beyond.err);
+    assert!(beyond.err.contains("0:67"), "{}", beyond.err);
+    assert_eq!(say(&["volume", "export", &series]).code, 2);
+    assert!(succeed(&["inspect", &series]).out.contains("68 timesteps"));
 }

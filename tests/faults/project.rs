@@ -35,6 +35,8 @@ fn values_out_of_range_say_what_was_expected() {
         ("connectivity = 6", "connectivity = 7", "6, 18 or 26"),
         ("name = \"plan\"", "name = \"a plan\"", "a plan"),
         ("-vtl", "-vtq", "-vt"),
+        ("{ modifier = \"pv\" }", "{ modifier = \"pv\", min_tilt_deg = nan }", "select"),
+        ("point = [-14.0", "point = [nan", "[[observer]]"),
     ] {
         let said = broken(from, to);
         assert_eq!(said.code, 2, "{from} -> {to}: {}", said.err);
@@ -54,6 +56,49 @@ fn a_project_that_is_not_there_is_named() {
     let said = say(&["run", "no/such/project"]);
     assert_eq!(said.code, 2, "{}", said.err);
     assert!(said.err.contains("no/such/project"), "{}", said.err);
+    assert!(said.err.contains("glintmap new"), "{}", said.err);
+}
+
+#[test]
+fn a_mistake_in_set_is_not_blamed_on_a_line_of_the_file() {
+    let (_keep, folder) = project("tiny");
+    let path = folder.to_str().expect("a plain path");
+    let said = say(&["run", path, "--set", "photons.storred=5"]);
+    assert_eq!(said.code, 2, "{}", said.err);
+    assert!(said.err.contains("with --set") && said.err.contains("`stored`"), "{}", said.err);
+    assert!(!said.err.contains("project.toml:4"), "{}", said.err);
+}
+
+#[test]
+fn a_name_that_is_taken_by_a_file_is_the_commands_mistake() {
+    let keep = tempfile::tempdir().expect("a temporary folder");
+    let out = keep.path().join("taken");
+    fs::write(&out, "mine").expect("writes");
+    let volume = keep.path().join("volume.npy");
+    glintmap_formats::npy::write(&volume, &[1, 1, 1], &[1.0_f32]).expect("writes");
+    let text = |p: &std::path::Path| p.to_str().expect("a plain path").to_owned();
+    let words = ["glare", "analyse", &text(&volume), "--threshold", "1", "--out", &text(&out)];
+    let said = say(&words);
+    assert_eq!(said.code, 2, "{}", said.err);
+    assert_eq!(fs::read_to_string(&out).expect("reads"), "mine");
+}
+
+/// Two files of one name in different folders: each counts.
+#[test]
+fn both_of_two_scene_files_of_one_name_decide() {
+    let (_keep, folder) = project("tiny");
+    let path = folder.to_str().expect("a plain path");
+    fs::create_dir(folder.join("other")).expect("makes");
+    fs::write(folder.join("other/scene.rad"), "# nothing\n").expect("writes");
+    let two = "scene.files=[\"scene.rad\", \"other/scene.rad\"]";
+    let words = ["run", path, "--quiet", "--until", "pages", "--set", two];
+    succeed(&words);
+    let first = fs::read(folder.join("run/standard/photons.gmp")).expect("reads");
+    let scene = folder.join("scene.rad");
+    let text = fs::read_to_string(&scene).expect("reads") + "# changed\n";
+    fs::write(&scene, text).expect("writes");
+    succeed(&words);
+    assert_ne!(first, fs::read(folder.join("run/standard/photons.gmp")).expect("reads"));
 }
 
 #[test]

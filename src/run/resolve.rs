@@ -14,23 +14,42 @@ use super::set::Assignment;
 use crate::base::limits;
 use crate::glare;
 use crate::render::{Estimator, Gather, Quantity, View};
-use crate::site::bsdf::{Bsdf, Model};
+use crate::site::bsdf::{Bsdf, BsdfFile, Model, Side, Spectrum};
 use crate::site::{Origin, PvSpec, SceneFile, SceneSpec, Select};
-use crate::sky::{DayRange, HourRange, Irradiance, Place, SunModel, TimeSpec};
+use crate::sky::{DayRange, HourRange, Irradiance, Place, SunModel, TimeSpec, Weather};
 use crate::trace::{self, Receivers};
 
 /// Below this many stored photons verdicts and pictures are marked as a draft.
 pub const DRAFT_BELOW_PHOTONS: u64 = 4_000_000;
+
+/// What a material is made from: all that decides how it scatters.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+#[serde(untagged)]
+pub enum Made {
+    /// A model.
+    Model(Model),
+    /// A side of a file.
+    File {
+        /// Hash of the file.
+        bsdf: String,
+        /// The side.
+        side: Side,
+        /// The light that was asked for.
+        spectrum: Option<Spectrum>,
+    },
+}
 
 /// A candidate: what each PV entry is made of.
 #[derive(Clone, Debug)]
 pub struct Candidate {
     /// Names the folder of its results.
     pub name: String,
-    /// Model of each `[[pv]]` entry, in the order of the project file.
-    pub models: Vec<Model>,
+    /// Model or file of each `[[pv]]` entry, in the order of the project file.
+    pub models: Vec<Made>,
     /// The same, ready to scatter.
     pub bsdfs: Vec<Bsdf>,
+    /// What its files leave to be desired, for people.
+    pub notes: Vec<String>,
 }
 
 /// A view and how it is rendered.
@@ -79,6 +98,8 @@ pub struct Resolved {
     pub glare: glare::Settings,
     /// Hash of each input file by its name.
     pub inputs: BTreeMap<String, String>,
+    /// Hash of the weather file, where there is one.
+    pub weather: Option<String>,
 }
 
 impl Resolved {
@@ -103,6 +124,7 @@ impl Resolved {
             trace: r.trace()?,
             quantity: r.quantity()?,
             glare: r.glare(memory_bytes)?,
+            weather: r.weather()?,
             candidates,
             reference,
             inputs,
@@ -142,7 +164,10 @@ impl Resolved {
     pub fn suns_key(&self) -> Result<String, Error> {
         let s = &self.project.site;
         let place = (s.latitude, s.longitude, s.meridian, s.elevation_m);
-        key_of("suns", &(place, &self.project.time))
+        match &self.weather {
+            None => key_of("suns", &(place, &self.project.time)),
+            Some(hash) => key_of("suns", &(place, &self.project.time, hash)),
+        }
     }
 
     /// What decides a candidate's photons.
@@ -317,7 +342,7 @@ impl Reader<'_> {
     }
 
     fn irradiance(&self) -> Result<Irradiance, Error> {
-        const KNOWN: &str = "expected \"clear-sky\", \"gensky\", { constant = 1000 } or { model = \"ineichen\", linke = [12 values] }";
+        const KNOWN: &str = "expected \"clear-sky\", \"gensky\", { epw = \"site.epw\" }, { constant = 1000 } or { model = \"ineichen\", linke = [12 values] }";
         let value = &self.project.time.irradiance;
         if let Some(word) = value.as_str() {
             return match word {
@@ -330,11 +355,8 @@ impl Reader<'_> {
         let Some(table) = value.as_table() else {
             return Err(self.wrong(format!("time.irradiance: {KNOWN}, found {value}")));
         };
-        if table.contains_key("epw") {
-            return Err(Error::Unsupported(format!(
-                "{}: time.irradiance: this version doesn't read EPW weather yet; use \"clear-sky\" or a constant",
-                self.file.display()
-            )));
+        if let Some(path) = self.weather_file() {
+            return Ok(Irradiance::Epw(Weather::read(&path)?));
         }
         if let Some(constant) = table.get("constant").and_then(number)
             && table.len() == 1
@@ -357,6 +379,18 @@ impl Reader<'_> {
             }
             _ => Err(self.wrong(format!("time.irradiance: {KNOWN}, found {value}"))),
         }
+    }
+
+    /// `irradiance = { epw = "site.epw" }`, beside the project file.
+    fn weather_file(&self) -> Option<PathBuf> {
+        let table = self.project.time.irradiance.as_table().filter(|t| t.len() == 1)?;
+        let path = table.get("epw").and_then(toml::Value::as_str)?;
+        Some(self.file.parent().unwrap_or(Path::new("")).join(path))
+    }
+
+    fn weather(&self) -> Result<Option<String>, Error> {
+        let hash = |path: PathBuf| hash_path(&path).map_err(|source| Error::Read { path, source });
+        self.weather_file().map(hash).transpose()
     }
 
     fn scene(&self, folder: &Path) -> Result<SceneSpec, Error> {
@@ -439,15 +473,19 @@ impl Reader<'_> {
 
     fn candidates(&self) -> Result<Vec<Candidate>, Error> {
         let p = self.project;
-        let mut models: BTreeMap<&str, Model> = BTreeMap::new();
+        let mut models: BTreeMap<&str, Material> = BTreeMap::new();
         let mut out = Vec::new();
         for t in &p.material {
             let model = match (&t.model, &t.bsdf) {
-                (Some(model), None) => *model,
-                (None, Some(_)) => {
-                    return Err(Error::Unsupported(format!(
-                        "{}: material.{}.bsdf: this version doesn't read BSDF files yet; use model = {{ kind = \"pv-glass\", … }}",
-                        self.file.display(),
+                (Some(model), None) if t.side.is_none() && t.spectrum.is_none() => {
+                    let bsdf = Bsdf::from_model(model)
+                        .map_err(|source| Error::Material { name: t.name.clone(), source })?;
+                    Material { made: Made::Model(*model), bsdf, notes: Vec::new() }
+                }
+                (None, Some(path)) => self.measured(t, path)?,
+                (Some(_), None) => {
+                    return Err(self.wrong(format!(
+                        "[[material]] \"{}\": `side` and `spectrum` go with `bsdf`, not with `model`",
                         t.name
                     )));
                 }
@@ -458,8 +496,8 @@ impl Reader<'_> {
                     )));
                 }
             };
+            out.push(candidate(&t.name, &vec![&model; p.pv.len()]));
             models.insert(&t.name, model);
-            out.push(candidate(&t.name, vec![model; p.pv.len()])?);
         }
         for case in &p.case {
             let known = || models.keys().copied().collect::<Vec<_>>().join(", ");
@@ -486,11 +524,23 @@ impl Reader<'_> {
                         known()
                     ))
                 })?;
-                chosen.push(*model);
+                chosen.push(model);
             }
-            out.push(candidate(&case.name, chosen)?);
+            out.push(candidate(&case.name, &chosen));
         }
         Ok(out)
+    }
+
+    fn measured(&self, t: &project::MaterialTable, path: &Path) -> Result<Material, Error> {
+        let path = self.file.parent().unwrap_or(Path::new("")).join(path);
+        let wrong = |source| Error::Material { name: t.name.clone(), source };
+        let file = BsdfFile::read(&path).map_err(wrong)?;
+        let side = t.side.unwrap_or_default();
+        let measured = file.reflection(side, t.spectrum).map_err(wrong)?;
+        let hash = hash_path(&path).map_err(|source| Error::Read { path, source })?;
+        let notes = file.notes.iter().cloned().chain(measured.notes()).collect();
+        let made = Made::File { bsdf: hash, side, spectrum: t.spectrum };
+        Ok(Material { made, bsdf: Bsdf::Measured(measured), notes })
     }
 
     fn reference(&self, candidates: &[Candidate]) -> Result<Option<usize>, Error> {
@@ -668,12 +718,25 @@ impl Reader<'_> {
     }
 }
 
-fn candidate(name: &str, models: Vec<Model>) -> Result<Candidate, Error> {
-    let bsdfs = models
-        .iter()
-        .map(|m| {
-            Bsdf::from_model(m).map_err(|source| Error::Material { name: name.to_owned(), source })
-        })
-        .collect::<Result<_, _>>()?;
-    Ok(Candidate { name: name.to_owned(), models, bsdfs })
+/// A `[[material]]`, ready to scatter.
+#[derive(Clone)]
+struct Material {
+    made: Made,
+    bsdf: Bsdf,
+    notes: Vec<String>,
+}
+
+fn candidate(name: &str, materials: &[&Material]) -> Candidate {
+    let mut notes: Vec<String> = Vec::new();
+    for note in materials.iter().flat_map(|m| &m.notes) {
+        if !notes.contains(note) {
+            notes.push(note.clone());
+        }
+    }
+    Candidate {
+        name: name.to_owned(),
+        models: materials.iter().map(|m| m.made.clone()).collect(),
+        bsdfs: materials.iter().map(|m| m.bsdf.clone()).collect(),
+        notes,
+    }
 }

@@ -51,6 +51,9 @@ pub(in crate::run) fn trace(job: &mut Job<'_>) -> Result<(), Error> {
             bsdfs: site.pv.iter().map(|s| &candidate.bsdfs[s.entry]).collect(),
             settings: resolved.trace,
         };
+        for note in &candidate.notes {
+            job.progress.say(&format!("{}: {note}", candidate.name));
+        }
         job.progress.say(&format!("{}: pilot", candidate.name));
         let plan = trace::plan(&emission, job.progress)?;
         let memory = job.options.memory_bytes / 4;

@@ -226,10 +226,10 @@ impl Reader<'_, '_> {
         let optical = child(root, "Optical")
             .ok_or_else(|| self.wrong(root, "WindowElement", "<Optical>", "none"))?;
         let layers: Vec<Node> = children(optical, "Layer").collect();
-        let layer = *layers
-            .iter()
-            .find(|l| child(**l, "WavelengthData").is_some())
-            .ok_or_else(|| self.wrong(optical, "Optical", "a <Layer> with <WavelengthData>", "none"))?;
+        let layer =
+            *layers.iter().find(|l| child(**l, "WavelengthData").is_some()).ok_or_else(|| {
+                self.wrong(optical, "Optical", "a <Layer> with <WavelengthData>", "none")
+            })?;
         if layers.len() > 1 {
             self.notes.push(format!("{} layers; the first with data is read", layers.len()));
         }
@@ -375,27 +375,30 @@ impl Reader<'_, '_> {
         bases: &[KlemsBasis],
     ) -> Result<Block, Error> {
         let direction = text(child(node, "WavelengthDataDirection"));
-        let way = Way::ALL
-            .iter()
-            .find(|w| w.1.eq_ignore_ascii_case(direction))
-            .map(|w| w.0)
-            .ok_or_else(|| {
-                self.wrong(
+        let way =
+            Way::ALL.iter().find(|w| w.1.eq_ignore_ascii_case(direction)).map(|w| w.0).ok_or_else(
+                || {
+                    self.wrong(
                     node,
                     "WavelengthDataDirection",
                     "Transmission Front, Transmission Back, Reflection Front or Reflection Back",
                     shown(direction),
                 )
-            })?;
+                },
+            )?;
         let data = child(node, "ScatteringData")
             .ok_or_else(|| self.wrong(node, "WavelengthDataBlock", "<ScatteringData>", "none"))?;
         let item = format!("ScatteringData of {spectrum:?} {}", way.name());
         let content = data.children().find(|c| c.is_text());
-        let (numbers, at) = content.map_or(("", data.range().start), |c| {
-            (c.text().unwrap_or_default(), c.range().start)
-        });
+        let (numbers, at) = content
+            .map_or(("", data.range().start), |c| (c.text().unwrap_or_default(), c.range().start));
         if data.children().count() > 1 {
-            return Err(self.wrong(data, &item, "numbers alone", "elements or comments among them"));
+            return Err(self.wrong(
+                data,
+                &item,
+                "numbers alone",
+                "elements or comments among them",
+            ));
         }
         let failed = |wrong: Wrong| Error::File {
             path: self.path.to_owned(),
@@ -418,7 +421,10 @@ impl Reader<'_, '_> {
             let most = ordered
                 .chunks(no)
                 .map(|c| {
-                    c.iter().enumerate().map(|(o, &f)| f64::from(f) * outgoing.projected_sr(o)).sum()
+                    c.iter()
+                        .enumerate()
+                        .map(|(o, &f)| f64::from(f) * outgoing.projected_sr(o))
+                        .sum()
                 })
                 .fold(0.0, f64::max);
             (Table::Matrix(Matrix::new(incident, outgoing, ordered)), negative, most)

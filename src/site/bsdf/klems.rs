@@ -178,7 +178,8 @@ impl Matrix {
         let projected: Vec<f64> = (0..count).map(|o| outgoing.projected_sr(o)).collect();
         let mut cumulative = Vec::with_capacity(values.len());
         for column in values.chunks_mut(count.max(1)) {
-            let mut sum: f64 = column.iter().zip(&projected).map(|(&f, sr)| f64::from(f) * sr).sum();
+            let mut sum: f64 =
+                column.iter().zip(&projected).map(|(&f, sr)| f64::from(f) * sr).sum();
             if sum > 1.0 {
                 // More light than came in: scaled down to all of it.
                 for f in column.iter_mut() {

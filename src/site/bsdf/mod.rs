@@ -19,6 +19,7 @@ mod measured;
 mod model;
 mod numbers;
 mod scatter;
+mod survey;
 mod tree;
 
 pub use circle::{on_circle, on_hemisphere};
@@ -28,4 +29,5 @@ pub use klems::{KlemsBasis, Matrix, Ring};
 pub use measured::Measured;
 pub use model::{Error, Model};
 pub use scatter::{Bsdf, Scattered};
+pub use survey::{ANGLES_DEG, Reciprocity};
 pub use tree::Tree;

@@ -84,6 +84,16 @@ pub enum Error {
         /// What is there.
         found: String,
     },
+    /// A block that scatters more light than comes in.
+    #[error("{path}: {block} scatters up to {percent:.2} % of the light, more than came in")]
+    TooMuch {
+        /// The file.
+        path: String,
+        /// The block.
+        block: &'static str,
+        /// Its largest total, %.
+        percent: f64,
+    },
     /// A file without the reflection that was asked for.
     #[error(
         "{path}: holds no {wanted}; it has {found}. `side = \"front\"` (the default) is Radiance's front, WINDOW's `Reflection Back`; `side = \"back\"` is `Reflection Front`"
@@ -106,6 +116,7 @@ impl Error {
             | Self::Read { .. }
             | Self::Xml { .. }
             | Self::File { .. }
+            | Self::TooMuch { .. }
             | Self::NoReflection { .. } => FaultKind::Input,
         }
     }

@@ -104,8 +104,7 @@ pub(super) fn list(text: &str, count: usize) -> Result<(Vec<f32>, usize), Wrong>
 /// coordinate is the lowest bit; in lists of numbers it changes slowest.
 pub(super) fn tree(text: &str, rank: usize) -> Result<ReadTree, Wrong> {
     let mut cursor = Cursor::new(text);
-    let mut out =
-        ReadTree { raw: Raw { rank, ..Raw::default() }, negative: 0, levels: 0 };
+    let mut out = ReadTree { raw: Raw { rank, ..Raw::default() }, negative: 0, levels: 0 };
     out.raw.root = node(&mut cursor, &mut out.raw, 0, &mut out.levels)?;
     if cursor.peek().is_some() {
         return Err(cursor.wrong("the end of the tree"));

@@ -363,6 +363,24 @@ impl Tree {
         DVec3::new(x * cos - y * sin, x * sin + y * cos, (1.0 - x * x - y * y).max(0.0).sqrt())
     }
 
+    /// Share of the light from a direction in its brightest outgoing cell.
+    pub(super) fn peak_share(&self, from: DVec3) -> f64 {
+        let root = self.root(from);
+        // Cells by their size; children count for a quarter each.
+        let mut stack = vec![(root.node, 1.0)];
+        let (mut most, mut sum) = (0.0_f64, 0.0);
+        while let Some((node, area)) = stack.pop() {
+            if node & LEAF != 0 {
+                let part = area * f64::from(self.values[(node & !LEAF) as usize]);
+                most = most.max(part);
+                sum += part;
+            } else {
+                stack.extend(self.slices[node as usize].children.map(|c| (c, 0.25 * area)));
+            }
+        }
+        if sum > 0.0 { most / sum } else { 0.0 }
+    }
+
     /// Largest share scattered from any incident cell that reaches into a range of cosines.
     pub(super) fn most(&self, cos_low: f64, cos_high: f64) -> f64 {
         let sine = |cos: f64| (1.0 - cos * cos).max(0.0).sqrt();

@@ -122,7 +122,10 @@ fn traced(radiance: &Path, xml: &Path, side: Side, pairs: &[(DVec3, DVec3)]) -> 
         assert!(tree.status.success(), "{}", String::from_utf8_lossy(&tree.stderr));
         fs::write(&octree, tree.stdout).unwrap();
         let ray = format!("{} {} {} {} {} {}\n", to.x, to.y, to.z, -to.x, -to.y, -to.z);
-        let flags = ["-h", "-ab", "0", "-dj", "0", "-ds", "0", "-dt", "0", "-st", "0", "-lr", "0"];
+        let flags = [
+            "-h", "-ab", "0", "-dj", "0", "-ds", "0", "-dt", "0", "-st", "0", "-lr", "0", "-ss",
+            "0",
+        ];
         let mut arguments = flags.to_vec();
         arguments.push(octree.to_str().unwrap());
         let said = run(&radiance.join("bin/rtrace"), &arguments, &ray);

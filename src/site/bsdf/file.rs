@@ -211,8 +211,8 @@ impl Reader<'_, '_> {
         Error::File {
             path: self.path.to_owned(),
             line: self.line(at.range().start),
-            item: item.to_owned(),
-            expected: expected.to_owned(),
+            item: item.into(),
+            expected: expected.into(),
             found: found.into(),
         }
     }
@@ -312,8 +312,7 @@ impl Reader<'_, '_> {
                 (lower - from_deg).abs() < 1e-3
                     && upper > lower
                     && upper <= 90.0
-                    && patches >= 1
-                    && patches <= MOST_PATCHES
+                    && (1..=MOST_PATCHES).contains(&patches)
                     && rings.len() < MOST_RINGS
             });
             let Some(((_, to_deg), patches)) = good else {
@@ -403,8 +402,8 @@ impl Reader<'_, '_> {
         let failed = |wrong: Wrong| Error::File {
             path: self.path.to_owned(),
             line: self.line((at + wrong.byte).min(self.document.input_text().len())),
-            item: item.clone(),
-            expected: wrong.expected,
+            item: item.as_str().into(),
+            expected: wrong.expected.into(),
             found: wrong.found,
         };
         let (table, negative, most_scattered) = if rank == 0 {

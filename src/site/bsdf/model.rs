@@ -78,9 +78,9 @@ pub enum Error {
         /// Line, from 1.
         line: u32,
         /// Element, and what it belongs to.
-        item: String,
+        item: Box<str>,
         /// What would do.
-        expected: String,
+        expected: Box<str>,
         /// What is there.
         found: String,
     },

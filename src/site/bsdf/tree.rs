@@ -363,16 +363,20 @@ impl Tree {
         DVec3::new(x * cos - y * sin, x * sin + y * cos, (1.0 - x * x - y * y).max(0.0).sqrt())
     }
 
-    /// Share of the light from a direction in its brightest outgoing cell.
+    /// Share of the light from a direction in its brightest cell among the finest ones: where a
+    /// file has larger cells, its makers saw nothing narrow.
     pub(super) fn peak_share(&self, from: DVec3) -> f64 {
         let root = self.root(from);
         // Cells by their size; children count for a quarter each.
+        let finest = 1.0 / 4.0_f64.powi(self.levels as i32);
         let mut stack = vec![(root.node, 1.0)];
         let (mut most, mut sum) = (0.0_f64, 0.0);
         while let Some((node, area)) = stack.pop() {
             if node & LEAF != 0 {
                 let part = area * f64::from(self.values[(node & !LEAF) as usize]);
-                most = most.max(part);
+                if area < 1.5 * finest {
+                    most = most.max(part);
+                }
                 sum += part;
             } else {
                 stack.extend(self.slices[node as usize].children.map(|c| (c, 0.25 * area)));

@@ -30,6 +30,11 @@ pub(super) fn run(arguments: &Arguments, context: &Context) -> anyhow::Result<()
     // Writing into a String can't fail.
     let _ = writeln!(text, "{} timesteps with the sun above the horizon", timeline.steps.len());
     let _ = writeln!(text, "materials: {}", names.join(", "));
+    for candidate in &resolved.candidates {
+        for note in &candidate.notes {
+            let _ = writeln!(text, "note: {}: {note}", candidate.name);
+        }
+    }
     for finding in site.findings.iter().take(MAX_FINDINGS_SHOWN) {
         let _ = writeln!(text, "{finding}");
     }

@@ -1,6 +1,7 @@
 //! One file a command: each parses its arguments, wires rooms together and prints. No logic.
 
 mod bar;
+mod bsdf;
 mod check;
 mod clean;
 mod context;
@@ -74,6 +75,7 @@ enum Command {
     #[command(subcommand)]
     Picture(Box<picture::Command>),
     Convert(convert::Arguments),
+    Bsdf(bsdf::Arguments),
     Inspect(inspect::Arguments),
     Verify(verify::Arguments),
     Clean(clean::Arguments),
@@ -103,6 +105,7 @@ pub fn run(cli: Cli) -> anyhow::Result<()> {
         Command::Volume(command) => volume::run(&command, &context),
         Command::Picture(command) => picture::run(&command, &context),
         Command::Convert(arguments) => convert::run(&arguments, &context),
+        Command::Bsdf(arguments) => bsdf::run(&arguments, &context),
         Command::Inspect(arguments) => inspect::run(&arguments, &context),
         Command::Verify(arguments) => verify::run(&arguments, &context),
         Command::Clean(arguments) => clean::run(&arguments, &context),

@@ -19,6 +19,7 @@ mod legend;
 mod marks;
 pub mod palette;
 pub mod png;
+pub mod polar;
 pub mod scale;
 mod text;
 pub mod tif;

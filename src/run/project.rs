@@ -167,6 +167,13 @@ pub struct MaterialTable {
     pub name: String,
     /// A measured BSDF.
     pub bsdf: Option<PathBuf>,
+    /// Which side of the file is PV: `"front"` (Radiance's, WINDOW's `Reflection Back`; the
+    /// default) or `"back"`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub side: Option<crate::site::bsdf::Side>,
+    /// Which light of the file: `"visible"` or `"solar"`; visible if it has it.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub spectrum: Option<crate::site::bsdf::Spectrum>,
     /// A model, where nothing was measured.
     pub model: Option<crate::site::bsdf::Model>,
 }

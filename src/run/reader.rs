@@ -4,8 +4,8 @@
 mod settings;
 
 use std::collections::{BTreeMap, BTreeSet};
-use std::fs;
-use std::path::Path;
+use std::path::{Path, PathBuf};
+use std::{fs, io};
 
 use glam::DVec3;
 
@@ -14,7 +14,7 @@ use super::manifest::hash_path;
 use super::project::{self, DayEntry, FileEntry, OriginEntry, Project};
 use crate::base::limits;
 use crate::site::{Origin, PvSpec, SceneFile, SceneSpec, Select};
-use crate::sky::{DayRange, HourRange, Irradiance, Place, SunModel, TimeSpec};
+use crate::sky::{DayRange, HourRange, Irradiance, Place, SunModel, TimeSpec, Weather};
 
 /// Reads a plan off a project file, table by table.
 pub(super) struct Reader<'a> {
@@ -159,7 +159,7 @@ impl Reader<'_> {
     }
 
     fn irradiance(&self) -> Result<Irradiance, Error> {
-        const KNOWN: &str = "expected \"clear-sky\", \"gensky\", { constant = 1000 } or { model = \"ineichen\", linke = [12 values] }";
+        const KNOWN: &str = "expected \"clear-sky\", \"gensky\", { epw = \"site.epw\" }, { constant = 1000 } or { model = \"ineichen\", linke = [12 values] }";
         let value = &self.project.time.irradiance;
         if let Some(word) = value.as_str() {
             return match word {
@@ -172,11 +172,8 @@ impl Reader<'_> {
         let Some(table) = value.as_table() else {
             return Err(self.wrong(format!("time.irradiance: {KNOWN}, found {value}")));
         };
-        if table.contains_key("epw") {
-            return Err(Error::Unsupported(format!(
-                "{}: time.irradiance: this version doesn't read EPW weather yet; use \"clear-sky\" or a constant",
-                self.file.display()
-            )));
+        if let Some(path) = self.weather_file() {
+            return Ok(Irradiance::Epw(Weather::read(&path)?));
         }
         if let Some(constant) = table.get("constant").and_then(number)
             && table.len() == 1
@@ -199,6 +196,18 @@ impl Reader<'_> {
             }
             _ => Err(self.wrong(format!("time.irradiance: {KNOWN}, found {value}"))),
         }
+    }
+
+    /// `irradiance = { epw = "site.epw" }`, beside the project file.
+    fn weather_file(&self) -> Option<PathBuf> {
+        let table = self.project.time.irradiance.as_table().filter(|t| t.len() == 1)?;
+        let path = table.get("epw").and_then(toml::Value::as_str)?;
+        Some(self.file.parent().unwrap_or(Path::new("")).join(path))
+    }
+
+    pub fn weather(&self) -> Result<Option<String>, Error> {
+        let hash = |path: PathBuf| hash_path(&path).map_err(|source| Error::Read { path, source });
+        self.weather_file().map(hash).transpose()
     }
 
     pub fn scene(&self, folder: &Path) -> Result<SceneSpec, Error> {
@@ -245,8 +254,13 @@ impl Reader<'_> {
 
     pub fn inputs(&self, folder: &Path) -> Result<BTreeMap<String, String>, Error> {
         let mut inputs = BTreeMap::new();
-        for entry in &self.project.scene.files {
-            let path = folder.join(entry.path());
+        let mut waiting: Vec<PathBuf> =
+            self.project.scene.files.iter().rev().map(|entry| folder.join(entry.path())).collect();
+        let mut seen = BTreeSet::new();
+        while let Some(path) = waiting.pop() {
+            if !seen.insert(path.clone()) {
+                continue;
+            }
             if fs::metadata(&path).is_ok_and(|m| m.len() > limits::MAX_TEXT_FILE_BYTES) {
                 return Err(self.wrong(format!(
                     "scene.files: {} is larger than {} bytes",
@@ -254,9 +268,11 @@ impl Reader<'_> {
                     limits::MAX_TEXT_FILE_BYTES
                 )));
             }
-            let hash = hash_path(&path).map_err(|source| Error::Read { path, source })?;
+            let read = |source| Error::Read { path: path.clone(), source };
+            let hash = hash_path(&path).map_err(read)?;
+            waiting.extend(named_files(&path).map_err(read)?);
             // The name alone: where a file lies must not change what a run writes.
-            let plain = entry.path().file_name().unwrap_or_default().to_string_lossy();
+            let plain = path.file_name().unwrap_or_default().to_string_lossy();
             // Files of the same name from different folders each count.
             let mut name = plain.clone().into_owned();
             let mut number = 1;
@@ -285,4 +301,26 @@ impl Reader<'_> {
         };
         self.project.pv.iter().map(spec).collect()
     }
+}
+
+/// Files that a scene file pulls in (`!xform`, `mtllib`, buffers of glTF): every word of its text
+/// that names a file of such a kind beside it. One word too many only makes a run more careful.
+fn named_files(path: &Path) -> io::Result<Vec<PathBuf>> {
+    const READERS: [&str; 3] = ["rad", "obj", "gltf"];
+    const NAMED: [&str; 4] = ["rad", "obj", "mtl", "bin"];
+    let kind = |p: &Path| p.extension().and_then(|e| e.to_str()).map(str::to_ascii_lowercase);
+    let is = |p: &Path, known: &[&str]| kind(p).is_some_and(|k| known.contains(&k.as_str()));
+    if !is(path, &READERS) {
+        return Ok(Vec::new());
+    }
+    let folder = path.parent().unwrap_or(Path::new(""));
+    let text = fs::read(path)?;
+    let words = text.split(|b| b.is_ascii_whitespace() || b"\"';|,".contains(b));
+    let mut out = BTreeSet::new();
+    for word in words.filter_map(|w| std::str::from_utf8(w).ok()) {
+        if is(Path::new(word), &NAMED) && folder.join(word).is_file() {
+            out.insert(folder.join(word));
+        }
+    }
+    Ok(out.into_iter().collect())
 }

@@ -13,7 +13,7 @@ use super::reader::Reader;
 use super::set::Assignment;
 use crate::glare;
 use crate::render::{Gather, Quantity, View};
-use crate::site::bsdf::{Bsdf, Model};
+use crate::site::bsdf::{Bsdf, Model, Side, Spectrum};
 use crate::site::{PvSpec, SceneSpec};
 use crate::sky::{Place, TimeSpec};
 use crate::trace;
@@ -21,15 +21,34 @@ use crate::trace;
 /// Below this many stored photons verdicts and pictures are marked as a draft.
 pub const DRAFT_BELOW_PHOTONS: u64 = 4_000_000;
 
+/// What a material is made from: all that decides how it scatters.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+#[serde(untagged)]
+pub enum Made {
+    /// A model.
+    Model(Model),
+    /// A side of a file.
+    File {
+        /// Hash of the file.
+        bsdf: String,
+        /// The side.
+        side: Side,
+        /// The light that was asked for.
+        spectrum: Option<Spectrum>,
+    },
+}
+
 /// A candidate: what each PV entry is made of.
 #[derive(Clone, Debug)]
 pub struct Candidate {
     /// Names the folder of its results.
     pub name: String,
-    /// Model of each `[[pv]]` entry, in the order of the project file.
-    pub models: Vec<Model>,
+    /// Model or file of each `[[pv]]` entry, in the order of the project file.
+    pub models: Vec<Made>,
     /// The same, ready to scatter.
     pub bsdfs: Vec<Bsdf>,
+    /// What its files leave to be desired, for people.
+    pub notes: Vec<String>,
 }
 
 /// A view and how it is rendered.
@@ -78,6 +97,8 @@ pub struct Resolved {
     pub glare: glare::Settings,
     /// Hash of each input file by its name.
     pub inputs: BTreeMap<String, String>,
+    /// Hash of the weather file, where there is one.
+    pub weather: Option<String>,
 }
 
 impl Resolved {
@@ -102,6 +123,7 @@ impl Resolved {
             trace: r.trace()?,
             quantity: r.quantity()?,
             glare: r.glare(memory_bytes)?,
+            weather: r.weather()?,
             candidates,
             reference,
             inputs,
@@ -147,7 +169,15 @@ impl Resolved {
     pub fn suns_key(&self) -> Result<String, Error> {
         let s = &self.project.site;
         let place = (s.latitude, s.longitude, s.meridian, s.elevation_m);
-        key_of("suns", &(place, &self.project.time))
+        match &self.weather {
+            None => key_of("suns", &(place, &self.project.time)),
+            // Not the path: where a file lies must not change what a run writes.
+            Some(hash) => {
+                let mut time = self.project.time.clone();
+                time.irradiance = toml::Value::String(hash.clone());
+                key_of("suns", &(place, time))
+            }
+        }
     }
 
     /// What decides a candidate's photons.

@@ -96,6 +96,48 @@ pub enum Error {
     /// A name that no algorithm has.
     #[error("sun: expected gensky-2018, gensky or spa, found `{0}`")]
     SunModel(String),
+    /// A weather file that can't be used.
+    #[error("{path}:{line}: {field}: expected {expected}, found `{found}`")]
+    Weather {
+        /// The file.
+        path: String,
+        /// Line, from 1; 0 for the file as a whole.
+        line: usize,
+        /// What it is about.
+        field: String,
+        /// What would do.
+        expected: String,
+        /// What is there.
+        found: String,
+    },
+    /// A weather file of another place.
+    #[error(
+        "weather of {station}: its {what} is {file} degrees, the site's {site}; a station within 2 degrees and in the same standard time is needed (east is positive)"
+    )]
+    WeatherPlace {
+        /// What differs.
+        what: &'static str,
+        /// The site's, degrees.
+        site: f64,
+        /// The file's, degrees.
+        file: f64,
+        /// The station's name.
+        station: String,
+    },
+    /// A weather file that doesn't cover the run.
+    #[error(
+        "weather of {station}: holds nothing for {month:02}-{day:02} at {hour:.2} h; choose days that it covers"
+    )]
+    WeatherGap {
+        /// The station's name.
+        station: String,
+        /// Month, from 1.
+        month: u32,
+        /// Day of the month, from 1.
+        day: u32,
+        /// Local standard time.
+        hour: f64,
+    },
     /// A strength that no sun has.
     #[error("irradiance: expected {expected}, found {found}")]
     Irradiance {

@@ -5,6 +5,7 @@
 
 mod calendar;
 mod clear_sky;
+mod epw;
 mod error;
 mod gensky;
 mod position;
@@ -14,6 +15,7 @@ mod table;
 mod timeline;
 
 pub use calendar::{date_of_day, days_in_year, parse_day};
+pub use epw::Weather;
 pub use error::Error;
 pub use position::{altitude_azimuth_deg, sun_direction};
 pub use range::{DayRange, HourRange};

@@ -61,7 +61,7 @@ impl FromStr for SunModel {
 }
 
 /// How strong the sun is.
-#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
+#[derive(Clone, Debug, PartialEq, serde::Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Irradiance {
     /// Radiance's visible watts, for comparison with the paper; a disc of 0.5 degrees.
@@ -75,6 +75,9 @@ pub enum Irradiance {
     },
     /// The same direct normal irradiance for each sun, W/m2, broadband.
     Constant(f64),
+    /// Measured or typical weather, broadband. Within a record the strength follows the clear sky
+    /// of the instant, scaled so that the record's mean is kept.
+    Epw(super::Weather),
 }
 
 /// Which instants are computed, by which sun.
@@ -116,7 +119,7 @@ impl Irradiance {
     /// Checks that the numbers can be a sun's.
     pub(super) fn check(&self) -> Result<(), Error> {
         match self {
-            Self::Gensky | Self::ClearSky => Ok(()),
+            Self::Gensky | Self::ClearSky | Self::Epw(_) => Ok(()),
             Self::Ineichen { linke } => match linke.iter().find(|t| !(1.0..=15.0).contains(*t)) {
                 None => Ok(()),
                 Some(found) => Err(Error::Irradiance {

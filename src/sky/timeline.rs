@@ -1,5 +1,5 @@
-use super::sun_direction;
 use super::{Error, Irradiance, Place, TimeSpec, altitude_azimuth_deg, clear_sky, gensky};
+use super::{Weather, date_of_day, sun_direction};
 use crate::base::{SpectralBasis, Timeline, Timestep, limits};
 
 /// The timesteps of a run: all instants of the ranges whose sun stands above the horizon
@@ -24,6 +24,13 @@ pub fn timeline(place: &Place, spec: &TimeSpec) -> Result<Timeline, Error> {
 
     let mut steps: Vec<Timestep> = Vec::new();
     let mut segment = 0_u32;
+    let mut weather = match &spec.irradiance {
+        Irradiance::Epw(weather) => {
+            weather.check(place)?;
+            Some(Strength { weather, place, spec, last: None })
+        }
+        _ => None,
+    };
     for (nth, (day, stands_for)) in spec.days.days(spec.year).enumerate() {
         let weight_h = if spec.half_year {
             2.0 * step_h * f64::from(spec.days.step)
@@ -55,9 +62,13 @@ pub fn timeline(place: &Place, spec: &TimeSpec) -> Result<Timeline, Error> {
             if steps.len() == limits::MAX_TIMESTEPS {
                 return Err(Error::TooMany { most: limits::MAX_TIMESTEPS, found: candidates });
             }
-            let irradiance_w_m2 = match spec.irradiance {
+            let irradiance_w_m2 = match &spec.irradiance {
                 Irradiance::Gensky => gensky::irradiance_w_m2(sun.z),
-                Irradiance::Constant(w_m2) => w_m2,
+                Irradiance::Constant(w_m2) => *w_m2,
+                Irradiance::Epw(_) => match &mut weather {
+                    Some(strength) => strength.at(day, hour, sun)?,
+                    None => 0.0,
+                },
                 Irradiance::ClearSky | Irradiance::Ineichen { .. } => {
                     let (altitude_deg, _) = altitude_azimuth_deg(sun);
                     clear_sky::direct_normal_w_m2(altitude_deg, place.elevation_m, turbidity, day)
@@ -78,6 +89,65 @@ pub fn timeline(place: &Place, spec: &TimeSpec) -> Result<Timeline, Error> {
         sun_diameter_deg: if visible { gensky::DIAMETER_DEG } else { clear_sky::DIAMETER_DEG },
         basis: if visible { SpectralBasis::Visible } else { SpectralBasis::Broadband },
     })
+}
+
+/// Weather at instants. A record holds a mean; within it the sun's strength follows the clear sky,
+/// which knows how low the sun stands and when it rises.
+struct Strength<'a> {
+    weather: &'a Weather,
+    place: &'a Place,
+    spec: &'a TimeSpec,
+    /// The last record asked for and the clear sky's mean over it.
+    last: Option<(usize, f64)>,
+}
+
+/// Instants at which the clear sky's mean over a record is taken.
+const INSTANTS: u32 = 12;
+/// What no direct sun exceeds: a record that holds more than its minutes of sun allow isn't kept.
+const STRONGEST_W_M2: f64 = 1400.0;
+
+impl Strength<'_> {
+    fn clear_w_m2(&self, day: u32, sun: glam::DVec3) -> f64 {
+        if sun.z <= 0.0 {
+            return 0.0;
+        }
+        let (altitude_deg, _) = altitude_azimuth_deg(sun);
+        clear_sky::direct_normal_w_m2(altitude_deg, self.place.elevation_m, clear_sky::LINKE, day)
+    }
+
+    fn at(&mut self, day: u32, hour: f64, sun: glam::DVec3) -> Result<f64, Error> {
+        let (month, of_month) = date_of_day(self.spec.year, day);
+        let slot = self.weather.slot(month, of_month, hour).ok_or_else(|| Error::WeatherGap {
+            station: self.weather.station.clone(),
+            month,
+            day: of_month,
+            hour,
+        })?;
+        let mean_w_m2 = self.weather.mean_w_m2(slot);
+        if mean_w_m2 <= 0.0 {
+            return Ok(0.0);
+        }
+        let clear_mean = match self.last {
+            Some((last, mean)) if last == slot => mean,
+            _ => {
+                let (from, length) = self.weather.span_h(slot);
+                let sum: f64 = (0..INSTANTS)
+                    .map(|i| {
+                        let at = from + length * (f64::from(i) + 0.5) / f64::from(INSTANTS);
+                        let (model, year) = (self.spec.sun, self.spec.year);
+                        self.clear_w_m2(day, sun_direction(self.place, model, year, day, at))
+                    })
+                    .sum();
+                let mean = sum / f64::from(INSTANTS);
+                self.last = Some((slot, mean));
+                mean
+            }
+        };
+        if clear_mean <= 0.0 {
+            return Ok(0.0);
+        }
+        Ok((mean_w_m2 * self.clear_w_m2(day, sun) / clear_mean).min(STRONGEST_W_M2))
+    }
 }
 
 fn turbidity(spec: &TimeSpec, day: u32) -> f64 {

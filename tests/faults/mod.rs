@@ -1,5 +1,6 @@
 //! Broken input, full disks, damaged files.
 
+mod bsdf;
 mod pages;
 mod project;
 mod site;

@@ -1,5 +1,6 @@
 //! Held against programs and references that others made.
 
+mod bsdf;
 mod glare;
 mod picture;
 mod scenes;

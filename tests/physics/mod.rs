@@ -2,7 +2,9 @@
 
 mod beam;
 mod bsdf;
+pub mod bsdf_files;
 mod case_study;
 mod case_study_photons;
 mod render;
 mod trace;
+mod weather;

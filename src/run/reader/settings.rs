@@ -1,29 +1,35 @@
 //! From the project file: the candidates, the views, and how light and glare are computed.
 
 use std::collections::BTreeMap;
+use std::path::Path;
 
 use super::Reader;
 use crate::base::limits;
 use crate::glare;
 use crate::render::{Estimator, Gather, Quantity, View};
 use crate::run::Error;
-use crate::run::project::ViewTable;
-use crate::run::resolve::{Candidate, PlannedView};
-use crate::site::bsdf::{Bsdf, Model};
+use crate::run::manifest::hash_path;
+use crate::run::project::{MaterialTable, ViewTable};
+use crate::run::resolve::{Candidate, Made, PlannedView};
+use crate::site::bsdf::{Bsdf, BsdfFile};
 use crate::trace::{self, Receivers};
 
 impl Reader<'_> {
     pub fn candidates(&self) -> Result<Vec<Candidate>, Error> {
         let p = self.project;
-        let mut models: BTreeMap<&str, Model> = BTreeMap::new();
+        let mut models: BTreeMap<&str, Material> = BTreeMap::new();
         let mut out = Vec::new();
         for t in &p.material {
             let model = match (&t.model, &t.bsdf) {
-                (Some(model), None) => *model,
-                (None, Some(_)) => {
-                    return Err(Error::Unsupported(format!(
-                        "{}: material.{}.bsdf: this version doesn't read BSDF files yet; use model = {{ kind = \"pv-glass\", … }}",
-                        self.file.display(),
+                (Some(model), None) if t.side.is_none() && t.spectrum.is_none() => {
+                    let bsdf = Bsdf::from_model(model)
+                        .map_err(|source| Error::Material { name: t.name.clone(), source })?;
+                    Material { made: Made::Model(*model), bsdf, notes: Vec::new() }
+                }
+                (None, Some(path)) => self.measured(t, path)?,
+                (Some(_), None) => {
+                    return Err(self.wrong(format!(
+                        "[[material]] \"{}\": `side` and `spectrum` go with `bsdf`, not with `model`",
                         t.name
                     )));
                 }
@@ -34,8 +40,8 @@ impl Reader<'_> {
                     )));
                 }
             };
+            out.push(candidate(&t.name, &vec![&model; p.pv.len()]));
             models.insert(&t.name, model);
-            out.push(candidate(&t.name, vec![model; p.pv.len()])?);
         }
         for case in &p.case {
             let known = || models.keys().copied().collect::<Vec<_>>().join(", ");
@@ -62,11 +68,23 @@ impl Reader<'_> {
                         known()
                     ))
                 })?;
-                chosen.push(*model);
+                chosen.push(model);
             }
-            out.push(candidate(&case.name, chosen)?);
+            out.push(candidate(&case.name, &chosen));
         }
         Ok(out)
+    }
+
+    fn measured(&self, t: &MaterialTable, path: &Path) -> Result<Material, Error> {
+        let path = self.file.parent().unwrap_or(Path::new("")).join(path);
+        let wrong = |source| Error::Material { name: t.name.clone(), source };
+        let file = BsdfFile::read(&path).map_err(wrong)?;
+        let side = t.side.unwrap_or_default();
+        let measured = file.reflection(side, t.spectrum).map_err(wrong)?;
+        let hash = hash_path(&path).map_err(|source| Error::Read { path, source })?;
+        let notes = file.notes.iter().cloned().chain(measured.notes()).collect();
+        let made = Made::File { bsdf: hash, side, spectrum: t.spectrum };
+        Ok(Material { made, bsdf: Bsdf::Measured(measured), notes })
     }
 
     pub fn reference(&self, candidates: &[Candidate]) -> Result<Option<usize>, Error> {
@@ -244,12 +262,25 @@ impl Reader<'_> {
     }
 }
 
-fn candidate(name: &str, models: Vec<Model>) -> Result<Candidate, Error> {
-    let bsdfs = models
-        .iter()
-        .map(|m| {
-            Bsdf::from_model(m).map_err(|source| Error::Material { name: name.to_owned(), source })
-        })
-        .collect::<Result<_, _>>()?;
-    Ok(Candidate { name: name.to_owned(), models, bsdfs })
+/// A `[[material]]`, ready to scatter.
+#[derive(Clone)]
+struct Material {
+    made: Made,
+    bsdf: Bsdf,
+    notes: Vec<String>,
+}
+
+fn candidate(name: &str, materials: &[&Material]) -> Candidate {
+    let mut notes: Vec<String> = Vec::new();
+    for note in materials.iter().flat_map(|m| &m.notes) {
+        if !notes.contains(note) {
+            notes.push(note.clone());
+        }
+    }
+    Candidate {
+        name: name.to_owned(),
+        models: materials.iter().map(|m| m.made.clone()).collect(),
+        bsdfs: materials.iter().map(|m| m.bsdf.clone()).collect(),
+        notes,
+    }
 }

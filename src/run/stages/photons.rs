@@ -112,6 +112,9 @@ pub(in crate::run) fn trace(job: &mut Job<'_>) -> Result<(), Error> {
             continue;
         }
         let began = Instant::now();
+        for note in &candidate.notes {
+            job.progress.say(&format!("{}: {note}", candidate.name));
+        }
         let spill = job.folder.prepare(&job.folder.spill(&candidate.name))?;
         let Done { plan, units, .. } = match shares(job, candidate, &key)? {
             Some((parts, done)) => {

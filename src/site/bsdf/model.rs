@@ -50,13 +50,74 @@ pub enum Error {
         /// What was given.
         found: f64,
     },
+    /// A file that can't be read.
+    #[error("{path}: can't be read: {reason}")]
+    Read {
+        /// The file.
+        path: String,
+        /// What the system says.
+        reason: String,
+    },
+    /// A file that is no XML.
+    #[error("{path}:{line}:{column}: not well-formed XML: {reason}")]
+    Xml {
+        /// The file.
+        path: String,
+        /// Line, from 1.
+        line: u32,
+        /// Column, from 1.
+        column: u32,
+        /// What the parser says.
+        reason: String,
+    },
+    /// Something in a BSDF file isn't as it must be.
+    #[error("{path}:{line}: {item}: expected {expected}, found {found}")]
+    File {
+        /// The file.
+        path: String,
+        /// Line, from 1.
+        line: u32,
+        /// Element, and what it belongs to.
+        item: Box<str>,
+        /// What would do.
+        expected: Box<str>,
+        /// What is there.
+        found: String,
+    },
+    /// A block that scatters more light than comes in.
+    #[error("{path}: {block} scatters up to {percent:.2} % of the light, more than came in")]
+    TooMuch {
+        /// The file.
+        path: String,
+        /// The block.
+        block: &'static str,
+        /// Its largest total, %.
+        percent: f64,
+    },
+    /// A file without the reflection that was asked for.
+    #[error(
+        "{path}: holds no {wanted}; it has {found}. `side = \"front\"` (the default) is Radiance's front, WINDOW's `Reflection Back`; `side = \"back\"` is `Reflection Front`"
+    )]
+    NoReflection {
+        /// The file.
+        path: String,
+        /// The block.
+        wanted: String,
+        /// All blocks.
+        found: String,
+    },
 }
 
 impl Error {
     /// What it means for the process.
     pub fn kind(&self) -> FaultKind {
         match self {
-            Self::OutOfRange { .. } => FaultKind::Input,
+            Self::OutOfRange { .. }
+            | Self::Read { .. }
+            | Self::Xml { .. }
+            | Self::File { .. }
+            | Self::TooMuch { .. }
+            | Self::NoReflection { .. } => FaultKind::Input,
         }
     }
 }

@@ -4,7 +4,7 @@ use glam::DVec3;
 
 use super::circle::on_hemisphere;
 use super::ggx::Ggx;
-use super::{Error, Model, fresnel};
+use super::{Error, Measured, Model, fresnel};
 use crate::base::Stream;
 
 /// How a surface scatters light; see the module for the frame.
@@ -28,6 +28,8 @@ pub enum Bsdf {
     },
     /// A rough dielectric over a diffuse cell.
     PvGlass(PvGlass),
+    /// Values from a file.
+    Measured(Measured),
 }
 
 /// Rough glass over a diffuse cell:
@@ -93,6 +95,7 @@ impl Bsdf {
                 let (lobe, diffuse) = glass.bounds(incident.z);
                 lobe + diffuse
             }
+            Self::Measured(measured) => measured.reflectance(incident),
         }
     }
 
@@ -105,6 +108,7 @@ impl Bsdf {
             Self::Glass { index } => fresnel::reflectance(low, *index),
             // The lobe's bound grows towards grazing incidence, the diffuse one shrinks.
             Self::PvGlass(glass) => glass.bounds(low).0 + glass.bounds(high).1,
+            Self::Measured(measured) => measured.most(low, high),
         }
     }
 
@@ -136,6 +140,7 @@ impl Bsdf {
                 let (lobe, diffuse) = glass.bounds(incident.z);
                 (lobe + diffuse, lobe)
             }
+            Self::Measured(measured) => (measured.reflectance(incident), 0.0),
         };
         let (bound, weight) = if needed > bound { (needed, needed / bound) } else { (bound, 1.0) };
         let stake = stake * bound;
@@ -151,6 +156,7 @@ impl Bsdf {
                 DVec3::new(-incident.x, -incident.y, incident.z)
             }
             Self::PvGlass(glass) => glass.sample(incident, stake, lobe, needed - lobe, random)?,
+            Self::Measured(measured) => measured.sample(incident, random)?,
         };
         Some(Scattered { direction, weight })
     }
@@ -165,6 +171,7 @@ impl Bsdf {
             Self::Lambertian { reflectance } => reflectance * FRAC_1_PI,
             Self::Mirror { .. } | Self::Glass { .. } => 0.0,
             Self::PvGlass(glass) => glass.evaluate(incident, out),
+            Self::Measured(measured) => measured.evaluate(incident, out),
         }
     }
 
@@ -178,6 +185,7 @@ impl Bsdf {
             Self::Lambertian { reflectance } | Self::Mirror { reflectance } => *reflectance,
             Self::Glass { index } => fresnel::reflectance(incident.z, *index),
             Self::PvGlass(glass) => glass.reflectance(incident),
+            Self::Measured(measured) => measured.reflectance(incident),
         }
     }
 

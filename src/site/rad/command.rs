@@ -153,19 +153,19 @@ fn xform(arguments: &[String]) -> Result<Command, String> {
     }
     bounded(copies)?;
     let mut command = Command { files: Vec::new(), copies: Vec::new() };
-    arrays(arguments.to_vec(), &mut command)?;
+    arrays(arguments, &mut command)?;
     Ok(command)
 }
 
 /// xform.c's doarray(): an array is so many runs with `-a N` replaced by `-i 0`, `-i 1`, …
-fn arrays(arguments: Vec<String>, out: &mut Command) -> Result<(), String> {
+fn arrays(arguments: &[String], out: &mut Command) -> Result<(), String> {
     let Some(at) = arguments.iter().position(|a| a == "-a") else {
-        return single(&arguments, out);
+        return single(arguments, out);
     };
     let given = arguments.get(at + 1).and_then(|n| count(n));
     let n = given.ok_or("expected a number of copies after -a")?;
     for i in 0..n {
-        let mut run = arguments.clone();
+        let mut run = arguments.to_vec();
         run[at] = "-i".to_owned();
         run[at + 1] = i.to_string();
         let mut named = false;
@@ -178,7 +178,7 @@ fn arrays(arguments: Vec<String>, out: &mut Command) -> Result<(), String> {
         if !named {
             run.splice(0..0, ["-n".to_owned(), format!("a{i}")]);
         }
-        arrays(run, out)?;
+        arrays(&run, out)?;
     }
     Ok(())
 }
@@ -292,7 +292,7 @@ mod tests {
 
     #[test]
     fn pipes_apply_one_after_another() {
-        let c = parse("cat a.rad b.rad | xform -t 1 0 0 -m red | xform -n x -mx").unwrap();
+        let c = parse("cat a.rad b.rad | xform -m red -t 1 0 0 | xform -n x -mx").unwrap();
         assert_eq!(c.files, ["a.rad", "b.rad"]);
         assert_eq!(c.copies[0].transform.point(DVec3::ZERO), DVec3::NEG_X);
         assert!(c.copies[0].transform.mirrors());

@@ -384,7 +384,7 @@ impl<'a> Reader<'a, '_> {
         let transform = own.then(self.copy.transform);
         let modifier = self.copy.modifier.as_deref().unwrap_or(p.modifier);
         let object = self.object(p.name, p.kind);
-        let materials = self.mesh_materials(&mesh, modifier, self.place(p));
+        let materials = self.mesh_materials(&mesh, modifier, &self.place(p));
         let owner = Owner {
             source: self.source,
             line: self.line.unwrap_or(p.head.line),
@@ -400,7 +400,7 @@ impl<'a> Reader<'a, '_> {
         &mut self,
         mesh: &mesh::Mesh,
         modifier: &str,
-        place: Place,
+        place: &Place,
     ) -> Vec<(u32, Option<u32>)> {
         let mut out = Vec::new();
         for own in &mesh.materials {

@@ -1,0 +1,395 @@
+use glam::DVec3;
+
+use super::disk::{disk_from_square, square_from_disk};
+use crate::base::Stream;
+
+/// Set in a number that is a value's, not a node's.
+const LEAF: u32 = 1 << 31;
+/// Bands of the incident direction's sine for which bounds are kept.
+const BANDS: usize = 256;
+/// Nodes of slices that a tree may need: 512 MiB of them.
+const MOST_SLICES: usize = 1 << 24;
+/// Levels of a tree: a cell of 2^-12 is a minute of arc.
+pub(super) const MOST_LEVELS: u32 = 12;
+
+/// The tree as a file holds it: `children` of `2^rank` each, values under [`LEAF`].
+#[derive(Clone, Debug, Default)]
+pub(super) struct Raw {
+    pub rank: usize,
+    pub children: Vec<u32>,
+    pub values: Vec<f32>,
+    pub root: u32,
+}
+
+impl Raw {
+    pub(super) fn leaf(&mut self, value: f32) -> Option<u32> {
+        let index = u32::try_from(self.values.len()).ok().filter(|i| *i < LEAF)?;
+        self.values.push(value);
+        Some(index | LEAF)
+    }
+
+    pub(super) fn branch(&mut self, children: &[u32]) -> Option<u32> {
+        let index = u32::try_from(self.children.len() >> self.rank).ok().filter(|i| *i < LEAF)?;
+        self.children.extend_from_slice(children);
+        Some(index)
+    }
+}
+
+/// Scattering over a tensor tree (Ward, Kurt and Bonneel 2012): piecewise constant over cells of
+/// the square of outgoing directions, for cells of the incident square (rank 4) or of the sine of
+/// the incident angle (rank 3, isotropic).
+///
+/// For sampling the tree is cut into slices, one for each distinguishable incident cell: quadtrees
+/// over the outgoing square that share all parts that they have in common.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Tree {
+    rank: usize,
+    /// Nodes over the incident coordinates; two or four children each.
+    incident: Vec<[u32; 4]>,
+    /// Slice of the first incident node, or [`LEAF`] and a slice, see [`Self::slice_of`].
+    incident_root: u32,
+    /// Slices by number: a root of a quadtree each.
+    roots: Vec<Root>,
+    slices: Vec<Slice>,
+    values: Vec<f32>,
+    /// Largest total over the incident cells of each band of the sine.
+    bands: Vec<f32>,
+    /// Largest share of light scattered from any incident cell, as the file has it.
+    most_in_file: f64,
+    /// Levels of the finest incident and outgoing cells.
+    levels: u32,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Root {
+    node: u32,
+    /// Share of the light that is scattered.
+    total: f32,
+    /// What values are multiplied with: 1, or less where the file holds more light than came in.
+    scale: f32,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Slice {
+    children: [u32; 4],
+    /// Mean value over the first, the first two, three and all four children, 1/sr.
+    cumulative: [f32; 4],
+}
+
+/// A function of the incident coordinates during building: the same everywhere, or by half
+/// (rank 3) or quarter (rank 4).
+#[derive(Clone)]
+enum Over {
+    Same(u32),
+    Split(Vec<Over>),
+}
+
+impl Over {
+    fn part(&self, i: usize) -> &Over {
+        match self {
+            Self::Same(_) => self,
+            Self::Split(parts) => &parts[i],
+        }
+    }
+}
+
+struct Builder<'a> {
+    raw: &'a Raw,
+    slices: Vec<Slice>,
+    means: Vec<f64>,
+}
+
+impl Builder<'_> {
+    fn mean(&self, node: u32) -> f64 {
+        if node & LEAF != 0 {
+            f64::from(self.raw.values[(node & !LEAF) as usize])
+        } else {
+            self.means[node as usize]
+        }
+    }
+
+    /// The slices below one node of the file's tree. `None`: too many.
+    fn over(&mut self, node: u32) -> Option<Over> {
+        if node & LEAF != 0 {
+            return Some(Over::Same(node));
+        }
+        let rank = self.raw.rank;
+        let parts = 1 << (rank - 2);
+        let mut halves = Vec::with_capacity(parts);
+        for part in 0..parts {
+            let mut quarters = Vec::with_capacity(4);
+            for quarter in 0..4 {
+                let child = ((node as usize) << rank) + part + quarter * parts;
+                quarters.push(self.over(self.raw.children[child])?);
+            }
+            halves.push(self.join(&[&quarters[0], &quarters[1], &quarters[2], &quarters[3]])?);
+        }
+        if let Over::Same(first) = halves[0]
+            && first & LEAF != 0
+            && halves.iter().all(|h| matches!(h, Over::Same(n) if self.equal_leaves(first, *n)))
+        {
+            return Some(Over::Same(first));
+        }
+        Some(Over::Split(halves))
+    }
+
+    fn equal_leaves(&self, a: u32, b: u32) -> bool {
+        a & b & LEAF != 0 && self.mean(a) == self.mean(b)
+    }
+
+    /// Four quarters of the outgoing square as one.
+    fn join(&mut self, quarters: &[&Over; 4]) -> Option<Over> {
+        let mut children = [0; 4];
+        for (child, quarter) in children.iter_mut().zip(quarters) {
+            match quarter {
+                Over::Same(node) => *child = *node,
+                Over::Split(_) => {
+                    let parts = 1 << (self.raw.rank - 2);
+                    let split = (0..parts)
+                        .map(|i| self.join(&quarters.map(|q| q.part(i))))
+                        .collect::<Option<_>>()?;
+                    return Some(Over::Split(split));
+                }
+            }
+        }
+        if children.iter().all(|&c| self.equal_leaves(children[0], c)) {
+            return Some(Over::Same(children[0]));
+        }
+        if self.slices.len() >= MOST_SLICES {
+            return None;
+        }
+        let mut sum = 0.0;
+        let cumulative = children.map(|c| {
+            sum += 0.25 * self.mean(c);
+            sum as f32
+        });
+        let index = u32::try_from(self.slices.len()).ok()?;
+        self.slices.push(Slice { children, cumulative });
+        self.means.push(sum);
+        Some(Over::Same(index))
+    }
+}
+
+impl Tree {
+    /// Cuts a file's tree into slices. `None` where they would need too much memory.
+    pub(super) fn new(raw: Raw, levels: u32) -> Option<Self> {
+        let mut builder = Builder { raw: &raw, slices: Vec::new(), means: Vec::new() };
+        let over = builder.over(raw.root)?;
+        let mut tree = Self {
+            rank: raw.rank,
+            incident: Vec::new(),
+            incident_root: 0,
+            roots: Vec::new(),
+            slices: Vec::new(),
+            values: Vec::new(),
+            bands: vec![0.0; BANDS],
+            most_in_file: 0.0,
+            levels,
+        };
+        tree.incident_root = tree.flatten(&over, &builder, [0.0, 0.0], 1.0);
+        tree.slices = builder.slices;
+        tree.values = raw.values;
+        Some(tree)
+    }
+
+    fn flatten(&mut self, over: &Over, builder: &Builder, corner: [f64; 2], size: f64) -> u32 {
+        match over {
+            Over::Same(node) => {
+                let sum = builder.mean(*node) * std::f64::consts::PI;
+                let scale = if sum > 1.0 { 1.0 / sum } else { 1.0 };
+                let total = (sum * scale) as f32;
+                // The other half of an isotropic axis means nothing.
+                if self.rank == 4 || corner[0] < 0.5 {
+                    self.most_in_file = self.most_in_file.max(sum);
+                }
+                self.raise_bands(total, corner, size);
+                let index = self.roots.len() as u32;
+                self.roots.push(Root { node: *node, total, scale: scale as f32 });
+                index | LEAF
+            }
+            Over::Split(parts) => {
+                let index = self.incident.len();
+                self.incident.push([LEAF; 4]);
+                for (i, part) in parts.iter().enumerate() {
+                    let half = size * 0.5;
+                    let at = [
+                        corner[0] + if i & 1 != 0 { half } else { 0.0 },
+                        corner[1] + if i & 2 != 0 { half } else { 0.0 },
+                    ];
+                    let child = self.flatten(part, builder, at, half);
+                    self.incident[index][i] = child;
+                }
+                index as u32
+            }
+        }
+    }
+
+    /// Notes the total of an incident cell in the bands of the sine that it touches.
+    fn raise_bands(&mut self, total: f32, corner: [f64; 2], size: f64) {
+        let (low, high) = if self.rank == 3 {
+            (1.0 - 2.0 * (corner[0] + size), 1.0 - 2.0 * corner[0])
+        } else {
+            // The radius in the disc is the larger of the square's distances from its middle.
+            let span = |c: f64| {
+                let (a, b) = (2.0 * c - 1.0, 2.0 * (c + size) - 1.0);
+                let near = if a < 0.0 && b > 0.0 { 0.0 } else { a.abs().min(b.abs()) };
+                (near, a.abs().max(b.abs()))
+            };
+            let (x, y) = (span(corner[0]), span(corner[1]));
+            (x.0.max(y.0), x.1.max(y.1))
+        };
+        if high <= 0.0 {
+            return;
+        }
+        let band = |r: f64| ((r.clamp(0.0, 1.0) * BANDS as f64) as usize).min(BANDS - 1);
+        for b in &mut self.bands[band(low - 1e-9)..=band(high + 1e-9)] {
+            *b = b.max(total);
+        }
+    }
+
+    /// 3 (isotropic) or 4.
+    pub fn rank(&self) -> usize {
+        self.rank
+    }
+
+    /// Levels of the finest cells: `2^levels` along each edge of the square.
+    pub fn levels(&self) -> u32 {
+        self.levels
+    }
+
+    /// Number of values in the file.
+    pub fn values(&self) -> usize {
+        self.values.len()
+    }
+
+    pub(super) fn most_in_file(&self) -> f64 {
+        self.most_in_file
+    }
+
+    /// Bytes in memory.
+    pub fn bytes(&self) -> usize {
+        self.slices.len() * size_of::<Slice>()
+            + self.values.len() * 4
+            + self.incident.len() * 16
+            + self.roots.len() * size_of::<Root>()
+    }
+
+    /// The slice of light from a direction.
+    #[inline]
+    fn root(&self, from: DVec3) -> &Root {
+        let mut at = if self.rank == 3 {
+            let radius = (from.x * from.x + from.y * from.y).sqrt().min(1.0);
+            // Half of the axis is used: files keep 1 - sin in cells of twice the width.
+            [(0.5 - 1e-7 - 0.5 * radius).max(0.0), 0.0]
+        } else {
+            square_from_disk([-from.x, -from.y])
+        };
+        let mut node = self.incident_root;
+        while node & LEAF == 0 {
+            let mut part = 0;
+            for (i, x) in at.iter_mut().enumerate() {
+                *x *= 2.0;
+                if *x >= 1.0 {
+                    *x -= 1.0;
+                    part |= 1 << i;
+                }
+            }
+            node = self.incident[node as usize][part];
+        }
+        &self.roots[(node & !LEAF) as usize]
+    }
+
+    /// Share of the light from a direction that is scattered.
+    #[inline]
+    pub(super) fn total(&self, from: DVec3) -> f64 {
+        f64::from(self.root(from).total)
+    }
+
+    /// Turns the disc so that light from `from` travels along +x (isotropic trees).
+    fn turn(&self, from: DVec3) -> (f64, f64) {
+        if self.rank != 3 {
+            return (1.0, 0.0);
+        }
+        let radius = (from.x * from.x + from.y * from.y).sqrt();
+        if radius > 0.0 { (-from.x / radius, -from.y / radius) } else { (1.0, 0.0) }
+    }
+
+    pub(super) fn evaluate(&self, from: DVec3, to: DVec3) -> f64 {
+        let (cos, sin) = self.turn(from);
+        let mut at = square_from_disk([to.x * cos + to.y * sin, to.y * cos - to.x * sin]);
+        let root = self.root(from);
+        let mut node = root.node;
+        while node & LEAF == 0 {
+            let mut quarter = 0;
+            for (i, x) in at.iter_mut().enumerate() {
+                *x *= 2.0;
+                if *x >= 1.0 {
+                    *x -= 1.0;
+                    quarter |= 1 << i;
+                }
+            }
+            node = self.slices[node as usize].children[quarter];
+        }
+        f64::from(self.values[(node & !LEAF) as usize]) * f64::from(root.scale)
+    }
+
+    /// The cell that light from a direction is scattered into: corner and size in the square.
+    #[inline]
+    fn cell(&self, mut node: u32, mut u: f64) -> ([f64; 2], f64) {
+        let mut corner = [0.0, 0.0];
+        let mut size = 1.0;
+        while node & LEAF == 0 {
+            let slice = &self.slices[node as usize];
+            let sums = slice.cumulative.map(f64::from);
+            let at = u * sums[3];
+            let quarter = sums.iter().take_while(|&&s| s <= at).count().min(3);
+            let before = if quarter == 0 { 0.0 } else { sums[quarter - 1] };
+            // What is left of the number decides further below.
+            u = ((at - before) / (sums[quarter] - before)).clamp(0.0, 1.0 - f64::EPSILON);
+            size *= 0.5;
+            corner[0] += if quarter & 1 != 0 { size } else { 0.0 };
+            corner[1] += if quarter & 2 != 0 { size } else { 0.0 };
+            node = slice.children[quarter];
+        }
+        (corner, size)
+    }
+
+    #[inline]
+    pub(super) fn sample(&self, from: DVec3, random: &mut Stream) -> DVec3 {
+        let (corner, size) = self.cell(self.root(from).node, random.uniform_fine());
+        let (u, v) = (random.uniform(), random.uniform());
+        let [x, y] = disk_from_square([corner[0] + u * size, corner[1] + v * size]);
+        let (cos, sin) = self.turn(from);
+        DVec3::new(x * cos - y * sin, x * sin + y * cos, (1.0 - x * x - y * y).max(0.0).sqrt())
+    }
+
+    /// Share of the light from a direction in its brightest cell among the finest ones: where a
+    /// file has larger cells, its makers saw nothing narrow.
+    pub(super) fn peak_share(&self, from: DVec3) -> f64 {
+        let root = self.root(from);
+        // Cells by their size; children count for a quarter each.
+        let finest = 1.0 / 4.0_f64.powi(self.levels as i32);
+        let mut stack = vec![(root.node, 1.0)];
+        let (mut most, mut sum) = (0.0_f64, 0.0);
+        while let Some((node, area)) = stack.pop() {
+            if node & LEAF != 0 {
+                let part = area * f64::from(self.values[(node & !LEAF) as usize]);
+                if area < 1.5 * finest {
+                    most = most.max(part);
+                }
+                sum += part;
+            } else {
+                stack.extend(self.slices[node as usize].children.map(|c| (c, 0.25 * area)));
+            }
+        }
+        if sum > 0.0 { most / sum } else { 0.0 }
+    }
+
+    /// Largest share scattered from any incident cell that reaches into a range of cosines.
+    pub(super) fn most(&self, cos_low: f64, cos_high: f64) -> f64 {
+        let sine = |cos: f64| (1.0 - cos * cos).max(0.0).sqrt();
+        let band = |r: f64| ((r.clamp(0.0, 1.0) * BANDS as f64) as usize).min(BANDS - 1);
+        let (from, to) = (band(sine(cos_high) - 1e-6), band(sine(cos_low) + 1e-6));
+        self.bands[from..=to.max(from)].iter().fold(0.0, |m, &b| m.max(f64::from(b)))
+    }
+}

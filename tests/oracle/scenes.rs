@@ -151,7 +151,7 @@ fn first_hits_are_those_of_rtrace() {
             let at = |file: &str| folder.path().join(file);
             fs::create_dir(at("nest")).unwrap();
             fs::write(at("part.rad"), shape).unwrap();
-            fs::write(at("nest/inner.rad"), "!xform -rz 90 -n in more.rad\n").unwrap();
+            fs::write(at("nest/inner.rad"), "!xform -n in -rz 90 more.rad\n").unwrap();
             fs::write(at("nest/more.rad"), shape).unwrap();
             fs::write(at("scene.rad"), format!("{MATERIALS}{}", WAYS[w])).unwrap();
             let site = Site::load(&SceneSpec::of([at("scene.rad")]), &[]).expect(name);
@@ -187,7 +187,14 @@ fn first_hits_are_those_of_rtrace() {
             }
             // Rays past the edge of a curved surface may miss its chords; past a planar one's edge
             // only those within rounding.
-            let allowed = if *chord_m > 0.0 { RAYS / 40 } else { 2 };
+            // A ring is flat with a round rim: chords a centimetre inside a rim of 4 m leave out a
+            // third of a per cent of its area.
+            let round_rim = matches!(*name, "ring" | "disc");
+            let allowed = match (*chord_m > 0.0, round_rim) {
+                (true, _) => RAYS / 40,
+                (false, true) => RAYS / 100,
+                (false, false) => 2,
+            };
             assert!(apart <= allowed, "{label}: {apart} of {RAYS} differ");
             assert!(both > 50, "{label}: only {both} hits");
             scenes += 1;

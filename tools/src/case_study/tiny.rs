@@ -77,11 +77,11 @@ seed = 1
 
 [[view]]
 name = "plan"
-view = "-vtl -vp 0 0 50 -vd 0 0 -1 -vu 0 1 0 -vh 40 -vv 30"
+view = "-vtl -vp 30 0 20 -vd -1 0 -0.5 -vu 0 0 1 -vh 44 -vv 30"
 size = [64, 48]
 estimator = "photons"
 bandwidth = 50
-series_bandwidth = 1000
+series_bandwidth = 200
 
 [[observer]]
 name = "Wall"

@@ -11,9 +11,9 @@ use serde::Serialize;
 use super::error::Error;
 use super::estimate::used_bytes;
 use super::folder::Folder;
+use super::job::Stage;
 use super::manifest::Manifest;
 use super::resolve::Resolved;
-use super::runner::Stage;
 use super::units::{stage_of, units};
 
 /// What a file or folder below `run/` belongs to.

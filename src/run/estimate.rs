@@ -5,8 +5,8 @@ use std::path::Path;
 use serde::Serialize;
 
 use super::error::Error;
+use super::job::{Job, Stage};
 use super::resolve::Resolved;
-use super::runner::{Job, Stage};
 use crate::sky;
 
 /// Rates on two cores at 2.5 GHz, from which times are expected. They are rough: the share of

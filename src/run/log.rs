@@ -9,7 +9,7 @@ use serde_json::{Value, json};
 
 use super::error::Error;
 use super::folder::Folder;
-use super::runner::Options;
+use super::job::Options;
 use crate::base::Provenance;
 
 /// The log of one command: one JSON object a line in `run/log/run.jsonl`.

@@ -2,9 +2,9 @@
 //! must have been made from.
 
 use super::error::Error;
+use super::job::Stage;
 use super::manifest::{Manifest, key_of};
 use super::resolve::Resolved;
-use super::runner::Stage;
 use super::stages;
 
 /// A unit of work that the plan asks for.

@@ -7,8 +7,8 @@ use crate::base::Grid;
 use crate::glare::{self, Analysis};
 use crate::picture::exr;
 use crate::run::Error;
+use crate::run::job::{Job, Stage};
 use crate::run::resolve::{Candidate, PlannedView};
-use crate::run::runner::{Job, Stage};
 use crate::volume::Volume;
 
 /// Analyses each candidate's series in each view, at each threshold.

@@ -10,9 +10,9 @@ use serde_json::json;
 
 use crate::base::{Photon, PhotonSink, SinkError, Tally};
 use crate::pages::{self, Spill};
+use crate::run::job::{Job, Stage};
 use crate::run::manifest::key_of;
 use crate::run::resolve::Candidate;
-use crate::run::runner::{Job, Stage};
 use crate::run::{Error, Shard};
 use crate::trace::{self, Emission, Plan, UnitSink};
 

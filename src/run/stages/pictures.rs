@@ -14,9 +14,9 @@ use crate::base::{Grid, SpectralBasis};
 use crate::picture::scale::{self, Below};
 use crate::picture::{Figure, Rgb, Scale, compose, exr, tonemap};
 use crate::run::Error;
+use crate::run::job::{Job, Stage};
 use crate::run::manifest::key_of;
 use crate::run::resolve::{Candidate, PlannedView, Resolved};
-use crate::run::runner::{Job, Stage};
 
 /// Decades of the logarithmic scale of annual maps.
 const DECADES: f64 = 3.0;

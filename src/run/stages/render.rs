@@ -10,9 +10,9 @@ use crate::pages::{Access, OpenOptions, Store};
 use crate::picture::{exr, hdr};
 use crate::render::{self, Gather, HitMap, Quantity};
 use crate::run::Error;
+use crate::run::job::{Job, Stage};
 use crate::run::manifest::key_of;
 use crate::run::resolve::{Candidate, PlannedView};
-use crate::run::runner::{Job, Stage};
 use crate::volume::{self, Volume, Writer};
 
 /// Suns that light the background picture: enough for soft shadows of a year.

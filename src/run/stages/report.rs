@@ -11,9 +11,9 @@ use crate::base::{Grid, Provenance};
 use crate::report::{Document, Figure, Section, Table, html};
 use crate::run::Error;
 use crate::run::clock::Clock;
+use crate::run::job::{Job, Stage};
 use crate::run::manifest::key_of;
 use crate::run::resolve::{Candidate, PlannedView};
-use crate::run::runner::{Job, Stage};
 
 /// Events that the report lists for a material, view and threshold.
 const EVENTS: usize = 5;

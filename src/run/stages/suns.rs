@@ -4,7 +4,7 @@ use glintmap_formats::seal;
 use serde_json::json;
 
 use crate::run::Error;
-use crate::run::runner::{Job, Stage};
+use crate::run::job::{Job, Stage};
 use crate::sky;
 
 /// Writes the timesteps.

@@ -7,8 +7,8 @@ use crate::base::Grid;
 use crate::glare::rules::{self, Limit, Measured, Metrics, Outcome, Profile, Quantity};
 use crate::report::Table;
 use crate::run::Error;
+use crate::run::job::Job;
 use crate::run::resolve::{Candidate, PlannedView};
-use crate::run::runner::Job;
 
 /// One duration map in the unit that limits use.
 struct Duration {

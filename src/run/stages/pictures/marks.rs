@@ -9,8 +9,8 @@ use crate::picture::Figure;
 use crate::picture::figure::{AxisLabel, Marker, Polyline};
 use crate::render::{Projection, View};
 use crate::run::Error;
+use crate::run::job::Job;
 use crate::run::resolve::PlannedView;
-use crate::run::runner::Job;
 use crate::site::Site;
 
 const OUTLINE: [u8; 3] = [255, 255, 255];

@@ -6,6 +6,7 @@
 //! scene by daylight, so that a planner recognises the house.
 
 mod background;
+mod direct;
 mod error;
 mod estimate;
 mod facet;
@@ -20,13 +21,16 @@ mod view;
 mod view_options;
 
 pub use background::{background, representative_suns};
+pub use direct::{
+    Direct, DirectScene, DirectScratch, DirectSummary, DirectYear, TileYear, direct_series,
+};
 pub use error::Error;
 pub use estimate::{Estimate, Estimator, MIN_COS, MIN_RADIUS_M, estimate};
 pub use gather::{Annual, Gather, annual};
 pub use hits::{Hit, HitKind, HitMap, hits};
 pub use mirror::{
     Lit, MirrorDay, MirrorReceiver, MirrorRule, MirrorRun, MirrorSummary, MirrorTimes, MirrorYear,
-    SEPARATION_DEG,
+    SEPARATION_DEG, points_on,
 };
 pub use series::{Quantity, SeriesSummary, series};
 pub use view::{Projection, View, ViewRay};

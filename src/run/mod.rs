@@ -10,6 +10,7 @@ mod folder;
 mod job;
 mod log;
 pub mod manifest;
+pub mod mirror;
 pub mod probe;
 mod project;
 mod reader;

@@ -28,6 +28,6 @@ pub use fresnel::reflectance as fresnel_reflectance;
 pub use klems::{KlemsBasis, Matrix, Ring};
 pub use measured::Measured;
 pub use model::{Error, Model};
-pub use scatter::{Bsdf, Scattered};
+pub use scatter::{Bsdf, PvGlass, Scattered};
 pub use survey::{ANGLES_DEG, Reciprocity};
 pub use tree::Tree;

@@ -4,6 +4,8 @@
 //! each pixel sees, once per view, for everyone else. [`annual`] and [`series`] ask the photon
 //! store for the photons around each hit and turn them into irradiance; [`background`] paints the
 //! scene by daylight, so that a planner recognises the house.
+#![doc = ""]
+#![doc = include_str!("../docs/estimators.md")]
 
 mod background;
 mod direct;

@@ -319,7 +319,7 @@ pub struct ViewTable {
     pub sensors: Option<PathBuf>,
     /// `[columns, rows]`
     pub size: [usize; 2],
-    /// `"photons"` or `"radiance"`.
+    /// `"photons"`, `"radiance"` or `"direct"`.
     #[serde(default = "photons")]
     pub estimator: String,
     /// Nearest photons of the annual map.

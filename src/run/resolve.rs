@@ -65,6 +65,8 @@ pub struct PlannedView {
     pub annual: Gather,
     /// How the series is gathered; its bandwidth is fixed once the timesteps are known.
     pub series_bandwidth: Option<usize>,
+    /// Whether it is integrated directly, without photons.
+    pub direct: bool,
 }
 
 /// A project, checked, with all defaults filled in.
@@ -144,7 +146,12 @@ impl Resolved {
 
     /// Whether verdicts and pictures are marked as a draft.
     pub fn is_draft(&self) -> bool {
-        self.trace.stored < DRAFT_BELOW_PHOTONS
+        self.needs_photons() && self.trace.stored < DRAFT_BELOW_PHOTONS
+    }
+
+    /// Whether any view is made of photons.
+    pub fn needs_photons(&self) -> bool {
+        self.views.is_empty() || self.views.iter().any(|v| !v.direct)
     }
 
     /// Number of thresholds that glare is analysed at.
@@ -236,6 +243,13 @@ impl Resolved {
     /// When the settings can't be hashed.
     pub fn render_key(&self, candidate: &Candidate, view: &PlannedView) -> Result<String, Error> {
         let g = &view.annual;
+        if view.direct {
+            let p = &self.project.photons;
+            let scene = (self.scene_key()?, self.suns_key()?, &candidate.models);
+            let how = ("direct", p.max_path_m, p.sun_visibility, self.hits_key(view)?);
+            let names = (&candidate.name, &view.name);
+            return key_of("render", &(scene, how, &self.project.glare.quantity, names));
+        }
         let upstream = (self.photons_key(candidate)?, self.hits_key(view)?);
         let estimator = format!("{:?}", g.estimator);
         let how = (estimator, g.bandwidth, view.series_bandwidth, g.max_radius_m);

@@ -5,6 +5,7 @@ mod bsdf;
 pub mod bsdf_files;
 mod case_study;
 mod case_study_photons;
+mod direct;
 mod render;
 mod trace;
 mod weather;

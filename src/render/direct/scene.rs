@@ -36,6 +36,8 @@ pub struct DirectScene<'a> {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Spot {
     pub position: DVec3,
+    /// A little off the surface: where rays end.
+    pub eye: DVec3,
     pub normal: DVec3,
 }
 
@@ -53,7 +55,7 @@ pub struct Direct<'a> {
     lights: Vec<Lights>,
     roots: Vec<Rooted>,
     disc: Disc,
-    points: Vec<Vec<(f64, f64)>>,
+    points: [Vec<(f64, f64)>; 3],
 }
 
 /// Buffers of one thread, kept from spot to spot.
@@ -85,15 +87,7 @@ impl<'a> Direct<'a> {
         let disc = Disc::new(scene.timeline.sun_diameter_deg);
         let kernel = |f: &Facet| Kernel::of(scene.bsdfs[usize::from(f.surface)]);
         let lights = facets.iter().map(|f| Lights::of(f, &kernel(f), scene.timeline)).collect();
-        let points = facets
-            .iter()
-            .map(|f| match disc.radius_rad / kernel(f).width() {
-                // Beside the lobe the disc is small, of its size, or larger.
-                r if r < 0.2 => Disc::points(4),
-                r if r < 0.6 => Disc::points(16),
-                _ => Disc::points(64),
-            })
-            .collect();
+        let points = [4, 16, 64].map(Disc::points);
         let (timeline, free) = (scene.timeline, scene.sun_visibility);
         let roots = rooted(scene.site, &facets, timeline, CELL_M, free, progress)?;
         Ok(Self { scene, facets, lights, roots, disc, points })
@@ -109,7 +103,7 @@ impl<'a> Direct<'a> {
         into: &mut DirectYear,
     ) {
         into.clear(self.scene.timeline.steps.len());
-        let spot = Spot { position: position + normal * LIFT_M, normal };
+        let spot = Spot { position, eye: position + normal * LIFT_M, normal };
         for root in &self.roots {
             let facet = &self.facets[root.facet];
             if facet.before_m(spot.position) <= 0.0
@@ -139,7 +133,7 @@ impl<'a> Direct<'a> {
                 root,
                 kernel: Kernel::of(bsdf),
                 disc: &self.disc,
-                points: &self.points[root.facet],
+                points: &self.points,
                 spot: &spot,
                 max_path_m: self.scene.max_path_m,
                 seen_before: &buffers.seen_before,
@@ -158,19 +152,14 @@ impl<'a> Direct<'a> {
         seen_before.push(0);
         for cell in root.asked() {
             let start = facet.lifted(cell.middle());
-            let way = spot.position - start;
+            let way = spot.eye - start;
             let away_m = way.length();
             let towards = way / away_m;
-            let faces = spot.normal.dot(towards) < 0.0
-                && away_m - cell.radius_m() < self.scene.max_path_m;
+            let faces =
+                spot.normal.dot(towards) < 0.0 && away_m - cell.radius_m() < self.scene.max_path_m;
             let end_m = (away_m - 0.5 * LIFT_M).max(0.0) as f32;
             let free = faces
-                && !self.scene.site.bvh.occluded(
-                    start.as_vec3(),
-                    towards.as_vec3(),
-                    0.0,
-                    end_m,
-                );
+                && !self.scene.site.bvh.occluded(start.as_vec3(), towards.as_vec3(), 0.0, end_m);
             seen += u32::from(free);
             seen_before.push(seen);
         }

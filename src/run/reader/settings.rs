@@ -136,10 +136,11 @@ impl Reader<'_> {
         let estimator = match t.estimator.as_str() {
             "photons" => Estimator::Photons,
             "radiance" => Estimator::Radiance,
-            "direct" => return Err(later("estimator", "\"direct\" comes later, use \"photons\"")),
+            // Without photons; the bandwidths mean nothing then.
+            "direct" => Estimator::Photons,
             other => {
                 return Err(self.wrong(format!(
-                    "view.{}.estimator: expected \"photons\" or \"radiance\", found \"{other}\"",
+                    "view.{}.estimator: expected \"photons\", \"radiance\" or \"direct\", found \"{other}\"",
                     t.name
                 )));
             }
@@ -168,6 +169,7 @@ impl Reader<'_> {
             view,
             annual: Gather { bandwidth: t.bandwidth, max_radius_m: t.max_radius_m, estimator },
             series_bandwidth: t.series_bandwidth,
+            direct: t.estimator == "direct",
         })
     }
 

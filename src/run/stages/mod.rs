@@ -1,6 +1,7 @@
 //! One file a stage. Each asks the manifest what is current, calls the rooms, and records what
 //! they left behind.
 
+mod direct;
 mod glare;
 mod photons;
 mod pictures;

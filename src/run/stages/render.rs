@@ -5,6 +5,7 @@ use std::time::Instant;
 
 use serde_json::json;
 
+use super::direct;
 use crate::base::{Grid, SpectralBasis};
 use crate::pages::{Access, OpenOptions, Store};
 use crate::picture::{exr, hdr};
@@ -27,7 +28,11 @@ pub(in crate::run) fn render(job: &mut Job<'_>) -> Result<(), Error> {
     }
     for candidate in &resolved.candidates {
         for view in &resolved.views {
-            maps(job, candidate, view)?;
+            if view.direct {
+                direct::maps(job, candidate, view)?;
+            } else {
+                maps(job, candidate, view)?;
+            }
         }
     }
     Ok(())
@@ -115,32 +120,11 @@ fn maps(job: &mut Job<'_>, candidate: &Candidate, view: &PlannedView) -> Result<
     let steps = job.timeline()?.steps.len();
     let bandwidth = view.series_bandwidth.unwrap_or_else(|| (3 * steps).max(4000));
     let gather = Gather { bandwidth, ..view.annual };
-    let series_name = job.folder.series(&candidate.name, &view.name);
-    let series_path = job.folder.prepare(&series_name)?;
-    let provenance = job.provenance(&key, &about);
-    let (columns, rows) = (view.view.columns(), view.view.rows());
-    let create = |timeline| {
-        Writer::create_or_resume(
-            &series_path,
-            timeline,
-            columns,
-            rows,
-            written_quantity(quantity),
-            &provenance,
-        )
-    };
-    let writer = match create(job.timeline()?) {
-        // Made from other settings: of no use any more.
-        Err(volume::Error::Different { .. }) => {
-            job.remove(&series_name)?;
-            create(job.timeline()?)?
-        }
-        other => other?,
-    };
+    let writer = writer(job, candidate, view, &key)?;
     let told = render::series(&store, &hits, &gather, quantity, &writer, job.progress)?;
     job.progress.finish();
     let written = writer.finish()?;
-    outputs.push(series_name);
+    outputs.push(job.folder.series(&candidate.name, &view.name));
     outputs.push(peak(job, candidate, view, &key, &about)?);
     let share = told.photons_per_lit_timestep();
     if let Some(photons) = share.filter(|p| *p < 10.0) {
@@ -156,6 +140,31 @@ fn maps(job: &mut Job<'_>, candidate: &Candidate, view: &PlannedView) -> Result<
         "photons_per_lit_timestep": share,
     });
     job.done(&unit, &key, &outputs, began, facts)
+}
+
+/// The series of a view: begun, or gone on with where it was made from the same settings.
+pub(super) fn writer(
+    job: &Job<'_>,
+    candidate: &Candidate,
+    view: &PlannedView,
+    key: &str,
+) -> Result<Writer, Error> {
+    let about = [("material", candidate.name.as_str()), ("view", view.name.as_str())];
+    let name = job.folder.series(&candidate.name, &view.name);
+    let path = job.folder.prepare(&name)?;
+    let provenance = job.provenance(key, &about);
+    let (columns, rows) = (view.view.columns(), view.view.rows());
+    let quantity = written_quantity(job.resolved.quantity);
+    let create =
+        |timeline| Writer::create_or_resume(&path, timeline, columns, rows, quantity, &provenance);
+    match create(job.timeline()?) {
+        // Made from other settings: of no use any more.
+        Err(volume::Error::Different { .. }) => {
+            job.remove(&name)?;
+            Ok(create(job.timeline()?)?)
+        }
+        other => Ok(other?),
+    }
 }
 
 fn annual(
@@ -195,7 +204,7 @@ fn annual(
 }
 
 /// The largest irradiance of the year, from the finished series.
-fn peak(
+pub(super) fn peak(
     job: &Job<'_>,
     candidate: &Candidate,
     view: &PlannedView,

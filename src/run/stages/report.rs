@@ -53,7 +53,9 @@ fn document(job: &Job<'_>, key: &str) -> Result<Document, Error> {
         sections: Vec::new(),
         provenance: format!("{} · settings {key} · seed {}", Provenance::PROGRAM, p.photons.seed),
     };
-    document.sections.push(photons(job)?);
+    if job.resolved.needs_photons() {
+        document.sections.push(photons(job)?);
+    }
     for view in &resolved.views {
         document.sections.push(numbers(job, view)?);
     }

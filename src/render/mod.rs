@@ -24,7 +24,7 @@ mod view_options;
 
 pub use background::{background, representative_suns};
 pub use direct::{
-    Direct, DirectScene, DirectScratch, DirectSummary, DirectYear, TileYear, direct_series,
+    Direct, DirectScene, DirectScratch, DirectSummary, DirectYear, PvSight, TileYear, direct_series,
 };
 pub use error::Error;
 pub use estimate::{Estimate, Estimator, MIN_COS, MIN_RADIUS_M, estimate};

@@ -6,7 +6,7 @@ use std::process::{Command, Stdio};
 
 use glam::DVec3;
 use glintmap::base::Silent;
-use glintmap::render::{Direct, DirectScene, DirectScratch, DirectYear};
+use glintmap::render::{Direct, DirectScene, DirectScratch, DirectYear, PvSight};
 use glintmap::run::Resolved;
 use glintmap::site::Site;
 use glintmap::site::bsdf::Bsdf;
@@ -33,6 +33,7 @@ fn rtrace_finds_the_same_irradiance_at_chosen_spots_and_suns() {
         ([-30.0, 12.0], DVec3::Z),
         ([8.0, -40.0], DVec3::Z),
     ];
+    let sight = PvSight::new(&site, &timeline, true, &Silent).expect("looks");
     let mut cases = Vec::new();
     let mut own = Vec::new();
     for name in ["standard", "satinated"] {
@@ -46,7 +47,7 @@ fn rtrace_finds_the_same_irradiance_at_chosen_spots_and_suns() {
             max_path_m: 1000.0,
             sun_visibility: true,
         };
-        let direct = Direct::new(scene, &Silent).expect("fits");
+        let direct = Direct::new(scene, &sight).expect("fits");
         let (mut scratch, mut year) = (DirectScratch::default(), DirectYear::default());
         for ([x, y], normal) in spots {
             // A metre and a half above the ground.

@@ -3,7 +3,7 @@
 
 use glam::DVec3;
 use glintmap::base::{Photon, PhotonSink, Silent, SinkError};
-use glintmap::render::{Direct, DirectScene, DirectScratch, DirectYear, View, hits};
+use glintmap::render::{Direct, DirectScene, DirectScratch, DirectYear, PvSight, View, hits};
 use glintmap::run::Resolved;
 use glintmap::site::Site;
 use glintmap::sky::{self, DayRange};
@@ -49,6 +49,7 @@ fn photons_and_direct_integration_agree_within_their_noise() {
     let view = View::parse("-vtl -vp 0 0 200 -vd 0 0 -1 -vu 0 1 0 -vh 160 -vv 160", 34, 34)
         .expect("a view");
     let hits = hits(&view, &site, 100.0, 1, &Silent).expect("hits");
+    let sight = PvSight::new(&site, &timeline, true, &Silent).expect("looks");
     for name in ["standard", "satinated"] {
         let candidate = resolved.candidates.iter().find(|c| c.name == name).expect("there");
         let bsdfs: Vec<_> = site.pv.iter().map(|s| &candidate.bsdfs[s.entry]).collect();
@@ -64,7 +65,7 @@ fn photons_and_direct_integration_agree_within_their_noise() {
             max_path_m: settings.max_path_m,
             sun_visibility: true,
         };
-        let direct = Direct::new(scene, &Silent).expect("fits");
+        let direct = Direct::new(scene, &sight).expect("fits");
         let (mut scratch, mut year) = (DirectScratch::default(), DirectYear::default());
         let mut annual = |at: DVec3, normal: DVec3| {
             direct.year(at, normal, &mut scratch, &mut year);

@@ -4,7 +4,7 @@ use std::sync::Mutex;
 
 use glam::{DVec3, Vec3};
 
-use super::{Direct, DirectScene, DirectScratch, DirectYear, TileYear, direct_series};
+use super::{Direct, DirectScene, DirectScratch, DirectYear, PvSight, TileYear, direct_series};
 use crate::base::{
     Frame, SeriesEntry, Silent, SinkError, SpectralBasis, TileRect, TileSink, Timeline, Timestep,
 };
@@ -78,7 +78,8 @@ fn model(model: Model) -> Bsdf {
 fn year(site: &Site, timeline: &Timeline, bsdf: &Bsdf, at: DVec3, normal: DVec3) -> DirectYear {
     let scene =
         DirectScene { site, timeline, bsdfs: vec![bsdf], max_path_m: 1000.0, sun_visibility: true };
-    let direct = Direct::new(scene, &Silent).expect("fits");
+    let sight = PvSight::new(site, timeline, true, &Silent).expect("looks");
+    let direct = Direct::new(scene, &sight).expect("fits");
     let mut out = DirectYear::default();
     direct.year(at, normal, &mut DirectScratch::default(), &mut out);
     out
@@ -277,7 +278,8 @@ fn a_view_goes_on_where_it_stopped() {
         max_path_m: 30.0,
         sun_visibility: true,
     };
-    let direct = Direct::new(scene, &Silent).expect("fits");
+    let sight = PvSight::new(&site, &timeline, true, &Silent).expect("looks");
+    let direct = Direct::new(scene, &sight).expect("fits");
     // A wall of 70 x 40 pixels that looks at the PV, with sky in between.
     let (columns, rows) = (70, 40);
     let mut hits = vec![Hit::nothing(HitKind::Sky); columns * rows];

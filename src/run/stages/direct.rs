@@ -9,17 +9,18 @@ use serde_json::json;
 use super::render::{attributes, peak, read_hits, writer};
 use crate::base::{Grid, SinkError, TileRect, limits, tiles};
 use crate::picture::{exr, hdr};
-use crate::render::{self, Direct, DirectScene, TileYear};
+use crate::render::{self, Direct, DirectScene, PvSight, TileYear};
 use crate::run::job::{Job, Stage};
 use crate::run::resolve::{Candidate, PlannedView};
 use crate::run::{Error, Folder};
 
-/// Integrates a view. The sums of the year wait, tile by tile, beside the series until all tiles
+/// Integrates a view; `sight` is kept from one to the next. The sums of the year wait, tile by tile, beside the series until all tiles
 /// are there: so an interrupted run needs no tile twice.
 pub(super) fn maps(
     job: &mut Job<'_>,
     candidate: &Candidate,
     view: &PlannedView,
+    sight: &mut Option<PvSight>,
 ) -> Result<(), Error> {
     let key = job.resolved.render_key(candidate, view)?;
     let unit = format!("render {} {}", candidate.name, view.name);
@@ -40,7 +41,12 @@ pub(super) fn maps(
         max_path_m: job.resolved.trace.max_path_m,
         sun_visibility: job.resolved.trace.sun_visibility,
     };
-    let direct = Direct::new(scene, job.progress)?;
+    if sight.is_none() {
+        let (suns, free) = (job.timeline()?, scene.sun_visibility);
+        *sight = Some(PvSight::new(site, suns, free, job.progress)?);
+    }
+    let Some(sight) = sight else { return Ok(()) };
+    let direct = Direct::new(scene, sight)?;
     let keep = |tile: TileRect, year: &TileYear| {
         let all = [&year.surface_wh_m2, &year.normal_wh_m2, &year.error_wh_m2];
         let values: Vec<f32> = all.into_iter().flatten().copied().collect();

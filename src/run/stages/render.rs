@@ -26,10 +26,11 @@ pub(in crate::run) fn render(job: &mut Job<'_>) -> Result<(), Error> {
         hits(job, view)?;
         background(job, view)?;
     }
+    let mut sight = None;
     for candidate in &resolved.candidates {
         for view in &resolved.views {
             if view.direct {
-                direct::maps(job, candidate, view)?;
+                direct::maps(job, candidate, view, &mut sight)?;
             } else {
                 maps(job, candidate, view)?;
             }

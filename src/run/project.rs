@@ -174,8 +174,15 @@ pub struct MaterialTable {
     /// Which light of the file: `"visible"` or `"solar"`; visible if it has it.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub spectrum: Option<crate::site::bsdf::Spectrum>,
-    /// A model, where nothing was measured.
+    /// A model, where nothing was measured, or a preset: `"satinated"`, `{ preset = "tile" }`.
+    #[serde(default, deserialize_with = "model")]
     pub model: Option<crate::site::bsdf::Model>,
+}
+
+fn model<'de, D: serde::Deserializer<'de>>(
+    from: D,
+) -> Result<Option<crate::site::bsdf::Model>, D::Error> {
+    crate::site::bsdf::preset_or_model(from).map(Some)
 }
 
 /// `[[case]]`

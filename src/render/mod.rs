@@ -8,8 +8,10 @@
 mod background;
 mod error;
 mod estimate;
+mod facet;
 mod gather;
 mod hits;
+mod mirror;
 mod order;
 mod palette;
 mod seen;
@@ -22,5 +24,9 @@ pub use error::Error;
 pub use estimate::{Estimate, Estimator, MIN_COS, MIN_RADIUS_M, estimate};
 pub use gather::{Annual, Gather, annual};
 pub use hits::{Hit, HitKind, HitMap, hits};
+pub use mirror::{
+    Lit, MirrorDay, MirrorReceiver, MirrorRule, MirrorRun, MirrorSummary, MirrorTimes, MirrorYear,
+    SEPARATION_DEG,
+};
 pub use series::{Quantity, SeriesSummary, series};
 pub use view::{Projection, View, ViewRay};

@@ -3,7 +3,8 @@
 //! A [`View`] turns pixels into rays exactly as Radiance's `vwrays` does. [`hits`] writes down what
 //! each pixel sees, once per view, for everyone else. [`annual`] and [`series`] ask the photon
 //! store for the photons around each hit and turn them into irradiance; [`background`] paints the
-//! scene by daylight, so that a planner recognises the house.
+//! scene by daylight, so that a planner recognises the house. [`sensors`] are points with normals
+//! instead of pixels.
 
 mod background;
 mod error;
@@ -15,6 +16,7 @@ mod mirror;
 mod order;
 mod palette;
 mod seen;
+pub mod sensors;
 mod series;
 mod view;
 mod view_options;

@@ -8,7 +8,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use glam::DVec3;
-use glintmap::base::{FaultKind, Purpose, Severity, Stream};
+use glintmap::base::{FaultKind, Severity};
 use glintmap::site::check::{summarise, summarise_loaded};
 use glintmap::site::{
     Error, Loaded, Origin, PvSpec, SceneFile, SceneSpec, Select, Site, load, local_from_map,

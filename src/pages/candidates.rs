@@ -85,7 +85,13 @@ impl Candidates {
     }
 
     /// Adds the photons of a page within `most`.
-    pub fn gather(&mut self, query: &Query, page: &Arc<Page>, (number, first): (u32, u64), most: f32) {
+    pub fn gather(
+        &mut self,
+        query: &Query,
+        page: &Arc<Page>,
+        (number, first): (u32, u64),
+        most: f32,
+    ) {
         let side = side(page, query.normal);
         if matches!(side, Side::None) {
             return;
@@ -149,21 +155,20 @@ impl Candidates {
     }
 
     /// Keeps the `count` nearest; what lies beyond the bound it returns can't be among them.
-    pub fn keep(&mut self, count: usize) -> Bound {
+    /// `likely2`: a square distance within which there are most likely less than `count`, so that
+    /// only what lies beyond must be sorted out; the result doesn't depend on it.
+    pub fn keep(&mut self, count: usize, likely2: f32) -> Bound {
         if self.used <= count {
             return Bound { distance2: f32::INFINITY, index: u64::MAX };
         }
-        self.selected.clear();
-        self.selected.extend_from_slice(&self.distance[..self.used]);
-        let (_, &mut farthest, _) = self.selected.select_nth_unstable(count - 1);
-        let mut nearer = 0;
-        let mut ties = 0;
-        for &d in &self.distance[..self.used] {
-            nearer += usize::from(d < farthest);
-            ties += usize::from(d == farthest);
+        let mut below = self.select_from(likely2.to_bits());
+        if below >= count {
+            below = self.select_from(0);
         }
-        let highest =
-            if nearer + ties == count { u64::MAX } else { self.tie(farthest, count - nearer) };
+        let (nearer, &mut farthest, farther) = self.selected.select_nth_unstable(count - 1 - below);
+        let ties = |some: &[u32]| some.iter().filter(|&&d| d == farthest).count();
+        let (winning, losing) = (ties(nearer) + 1, ties(farther));
+        let highest = if losing == 0 { u64::MAX } else { self.tie(farthest, winning) };
         let mut kept = 0;
         let mut runs = 0;
         for r in 0..self.runs.len() {
@@ -188,6 +193,18 @@ impl Candidates {
         self.used = kept;
         let index = if highest == u64::MAX { self.highest_at(farthest) } else { highest };
         Bound { distance2: f32::from_bits(farthest), index }
+    }
+
+    /// Takes the distances from `least` on for selection; the number of those before.
+    fn select_from(&mut self, least: u32) -> usize {
+        self.selected.resize(self.used, 0);
+        let mut kept = 0;
+        for &d in &self.distance[..self.used] {
+            self.selected[kept] = d;
+            kept += usize::from(d >= least);
+        }
+        self.selected.truncate(kept);
+        self.used - kept
     }
 
     /// The `rank`-th lowest store index (from 1) among the candidates at a distance.

@@ -51,7 +51,9 @@ pub struct Neighbour {
 /// The answer to a query, and the scratch of the search: keep it from query to query.
 #[derive(Default)]
 pub struct Neighbours {
+    /// More than were found: what lies behind is left from queries before.
     pub(super) items: Vec<Neighbour>,
+    pub(super) count: usize,
     pub(super) farthest: Option<usize>,
     pub(super) full: bool,
     pub(super) candidates: Candidates,
@@ -72,7 +74,7 @@ pub(super) struct Last {
 impl Neighbours {
     /// The photons that were found, by ascending store index.
     pub fn items(&self) -> &[Neighbour] {
-        &self.items
+        &self.items[..self.count]
     }
 
     /// Position in [`items`](Self::items) of the farthest; of several, the one of the highest
@@ -95,6 +97,7 @@ impl Store {
     /// [`Error::Damaged`] where a page doesn't hold what it promises.
     pub fn nearest(&self, query: &Query, found: &mut Neighbours) -> Result<(), Error> {
         found.items.clear();
+        found.count = 0;
         found.farthest = None;
         found.full = false;
         let radius_m = query.max_radius_m;
@@ -104,14 +107,16 @@ impl Store {
             return Ok(());
         }
         let most = radius_m * radius_m;
-        let mut distance2 = match &found.last {
+        let (mut distance2, likely2) = match &found.last {
             Some(last) => {
                 // All that were near then are near now, but for the step between the points.
                 let share = (query.count as f32 / last.count as f32).max(1.0).sqrt();
-                let guess = (last.radius_m * share + last.point.distance(query.point)) * 1.0001;
-                most.min(guess * guess)
+                let step = last.point.distance(query.point);
+                let guess = (last.radius_m * share + step) * 1.0001;
+                let less = last.radius_m - step.min(last.radius_m / (last.count as f32).sqrt());
+                (most.min(guess * guess), (0.9999 * less * less).max(0.0))
             }
-            None => most,
+            None => (most, 0.0),
         };
         loop {
             self.search(query, Bound { distance2, index: u64::MAX }, found)?;
@@ -121,7 +126,7 @@ impl Store {
             // Too small a guess: at least a millimetre, so that it grows.
             distance2 = most.min((distance2 * 4.0).max(1e-6));
         }
-        found.candidates.keep(query.count);
+        found.candidates.keep(query.count, likely2);
         found.collect();
         found.full = found.items.len() == query.count;
         found.last = match found.farthest {
@@ -172,7 +177,7 @@ impl Store {
                 let page = self.page(number as usize)?;
                 candidates.gather(query, &page, (number, entry.first_photon), bound.distance2);
                 if candidates.used > limit {
-                    bound = candidates.keep(query.count);
+                    bound = candidates.keep(query.count, 0.0);
                 }
             }
         }
@@ -194,6 +199,7 @@ impl Neighbours {
                 self.items.push(runs[r].photon(place[at], f32::from_bits(distance[at])));
             }
         }
+        self.count = self.items.len();
         // The pages themselves belong to the cache again.
         self.candidates.clear();
     }

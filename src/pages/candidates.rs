@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use glam::Vec3;
 
-use super::page::{BLOCK, Page};
+use super::page::{BLOCK, Page, meets};
 use super::query::{Neighbour, Query, SAME_SIDE};
 
 /// Candidates of a search, page by page in the order in which they were met.
@@ -84,10 +84,10 @@ impl Candidates {
         self.used = 0;
     }
 
-    /// Adds the photons of a page within `most`.
+    /// Adds the photons of a page within `most` whose timestep is in `during`.
     pub fn gather(
         &mut self,
-        query: &Query,
+        (query, during): (&Query, &Range<u32>),
         page: &Arc<Page>,
         (number, first): (u32, u64),
         most: f32,
@@ -97,8 +97,8 @@ impl Candidates {
             return;
         }
         let start = self.used;
-        for (block, bounds) in page.blocks.iter().enumerate() {
-            if bounds.distance_squared(query.point) > most {
+        for (block, (bounds, &steps)) in page.blocks.iter().zip(&page.steps).enumerate() {
+            if !meets(steps, during) || bounds.distance_squared(query.point) > most {
                 continue;
             }
             let base = block * BLOCK;
@@ -112,20 +112,28 @@ impl Candidates {
                 }
             };
             if matches!(side, Side::Some(_) | Side::Each) {
-                let mut kept = from;
-                for at in from..self.used {
-                    let i = self.place[at];
-                    self.place[kept] = i;
-                    self.distance[kept] = self.distance[at];
-                    kept += usize::from(accept(i));
-                }
-                self.used = kept;
+                self.retain(from, accept);
+            }
+            if steps.0 < during.start || steps.1 >= during.end {
+                self.retain(from, |i| during.contains(&page.light[i as usize].timestep));
             }
         }
         if self.used > start {
             let page = Arc::clone(page);
             self.runs.push(Run { number, first_photon: first, page, start });
         }
+    }
+
+    /// Keeps those of the candidates from `from` on that are accepted by their place.
+    fn retain(&mut self, from: usize, accept: impl Fn(u32) -> bool) {
+        let mut kept = from;
+        for at in from..self.used {
+            let i = self.place[at];
+            self.place[kept] = i;
+            self.distance[kept] = self.distance[at];
+            kept += usize::from(accept(i));
+        }
+        self.used = kept;
     }
 
     /// Adds the photons of a block within `most`, without a branch that depends on them.

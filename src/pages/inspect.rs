@@ -1,7 +1,7 @@
 //! Figures about a store, for people.
 
 use super::Error;
-use super::spill::RECORD_BYTES;
+use super::bucket::RECORD_BYTES;
 use super::store::Store;
 use crate::base::Photon;
 

@@ -6,6 +6,8 @@
 //! with the distance that the one before needed, and is repeated with a larger one where that was
 //! too small: the answer is exact either way.
 
+use std::ops::Range;
+
 use glam::Vec3;
 
 use super::Error;
@@ -28,6 +30,8 @@ pub struct Query {
     pub max_radius_m: f32,
 }
 
+/// All timesteps.
+pub(super) const ALWAYS: Range<u32> = 0..u32::MAX;
 /// Cosine of the largest angle between the normals of query and photon.
 pub(super) const SAME_SIDE: f32 = 0.5;
 
@@ -96,6 +100,20 @@ impl Store {
     /// # Errors
     /// [`Error::Damaged`] where a page doesn't hold what it promises.
     pub fn nearest(&self, query: &Query, found: &mut Neighbours) -> Result<(), Error> {
+        self.nearest_during(query, ALWAYS, found)
+    }
+
+    /// The same among the photons whose timestep is in `timesteps`. Pages without any such photon
+    /// are passed over once they are known, without being decoded again.
+    ///
+    /// # Errors
+    /// [`Error::Damaged`] where a page doesn't hold what it promises.
+    pub fn nearest_during(
+        &self,
+        query: &Query,
+        timesteps: Range<u32>,
+        found: &mut Neighbours,
+    ) -> Result<(), Error> {
         found.items.clear();
         found.count = 0;
         found.farthest = None;
@@ -119,7 +137,7 @@ impl Store {
             None => (most, 0.0),
         };
         loop {
-            self.search(query, Bound { distance2, index: u64::MAX }, found)?;
+            self.search((query, &timesteps), Bound { distance2, index: u64::MAX }, found)?;
             if found.candidates.used >= query.count || distance2 >= most {
                 break;
             }
@@ -141,7 +159,12 @@ impl Store {
         Ok(())
     }
 
-    fn search(&self, query: &Query, start: Bound, found: &mut Neighbours) -> Result<(), Error> {
+    fn search(
+        &self,
+        (query, during): (&Query, &Range<u32>),
+        start: Bound,
+        found: &mut Neighbours,
+    ) -> Result<(), Error> {
         let Neighbours { candidates, stack, .. } = found;
         candidates.clear();
         let limit = query.count.saturating_mul(2).max(query.count.saturating_add(1024));
@@ -171,11 +194,16 @@ impl Store {
                 let near = page_box(entry).distance_squared(query.point);
                 let too_far = near > bound.distance2
                     || near == bound.distance2 && entry.first_photon > bound.index;
-                if too_far {
+                if too_far || !self.may_hold(number as usize, during) {
                     continue;
                 }
                 let page = self.page(number as usize)?;
-                candidates.gather(query, &page, (number, entry.first_photon), bound.distance2);
+                candidates.gather(
+                    (query, during),
+                    &page,
+                    (number, entry.first_photon),
+                    bound.distance2,
+                );
                 if candidates.used > limit {
                     bound = candidates.keep(query.count, 0.0);
                 }

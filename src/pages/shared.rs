@@ -10,7 +10,7 @@ use glam::Vec3;
 
 use super::Error;
 use super::page::Page;
-use super::query::{Last, Neighbour, Neighbours, Query, SAME_SIDE};
+use super::query::{ALWAYS, Last, Neighbour, Neighbours, Query, SAME_SIDE};
 use super::store::Store;
 use super::tree::{node_box, page_box};
 use crate::base::Aabb;
@@ -166,7 +166,12 @@ impl Store {
                 if !cluster.agrees(&page) {
                     return Ok(false);
                 }
-                candidates.gather(centre, &page, (number, entry.first_photon), distance2);
+                candidates.gather(
+                    (centre, &ALWAYS),
+                    &page,
+                    (number, entry.first_photon),
+                    distance2,
+                );
                 if candidates.used > limit {
                     return Ok(false);
                 }
@@ -372,8 +377,9 @@ fn measure(
         }
         let (mut below, mut within) = (0u32, 0u32);
         for &d in distance2.iter() {
-            below += u32::from(d < least);
-            within += u32::from(d <= most);
+            // At most 16; an addition that may panic isn't vectorised.
+            below = below.wrapping_add(u32::from(d < least));
+            within = within.wrapping_add(u32::from(d <= most));
         }
         *counts = [below as u8, within as u8];
     }

@@ -6,6 +6,7 @@
 //! nearest photons of a spot, those in a box, or all. What they mean is for others to say. The
 //! file is described in [`glintmap_formats::gmp`].
 
+mod bucket;
 mod build;
 mod cache;
 mod candidates;
@@ -15,6 +16,7 @@ mod inspect;
 mod mapped;
 mod morton;
 mod page;
+mod parting;
 mod quantise;
 mod query;
 mod shared;

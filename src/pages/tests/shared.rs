@@ -105,7 +105,8 @@ fn ties_are_cut_by_index_as_alone() {
     let mut queries = Vec::new();
     for count in [3, 50, 333, 2000] {
         for i in 0..400 {
-            let point = Vec3::new(5.0 + (i % 20) as f32 * 0.125, 4.0 + (i / 20) as f32 * 0.125, 0.0);
+            let point =
+                Vec3::new(5.0 + (i % 20) as f32 * 0.125, 4.0 + (i / 20) as f32 * 0.125, 0.0);
             queries.push(Query { point, normal: Vec3::Z, count, max_radius_m: 7.0 });
         }
     }

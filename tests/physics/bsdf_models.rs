@@ -178,9 +178,15 @@ fn walked(alpha: f64, degrees: f64, reflectance: impl Fn(f64) -> f64) -> (f64, f
 #[test]
 fn what_one_facet_leaves_out_is_as_little_as_said() {
     let fresnel = |cos: f64| fresnel_reflectance(cos, 1.52);
-    for (alpha, degrees, most) in
-        [(0.05, 60.0, 1.0), (0.05, 75.0, 1.0), (0.05, 85.0, 1.0), (0.28, 10.0, 1.0), (0.28, 75.0, 1.0), (0.28, 85.0, 1.0), (0.5, 80.0, 1.0)]
-    {
+    for (alpha, degrees, most) in [
+        (0.05, 60.0, 1.0),
+        (0.05, 75.0, 1.0),
+        (0.05, 85.0, 1.0),
+        (0.28, 10.0, 1.0),
+        (0.28, 75.0, 1.0),
+        (0.28, 85.0, 1.0),
+        (0.5, 80.0, 1.0),
+    ] {
         let (single, all) = walked(alpha, degrees, fresnel);
         let ours = pv_glass(alpha, 0.0).reflectance(from_degrees(degrees, 0.0));
         assert!((ours / single - 1.0).abs() < 0.02, "{alpha} {degrees}: {ours}, walked {single}");
@@ -192,16 +198,16 @@ fn what_one_facet_leaves_out_is_as_little_as_said() {
     for (alpha, degrees) in [(0.25, 30.0), (0.6, 10.0), (0.6, 60.0), (0.6, 80.0)] {
         let (single, all) = walked(alpha, degrees, aluminium);
         let ours = made(&metal(alpha)).reflectance(from_degrees(degrees, 0.0));
-        eprintln!("metal {alpha} at {degrees}: one facet {single:.4}, all {all:.4}, ours {ours:.4}");
+        eprintln!(
+            "metal {alpha} at {degrees}: one facet {single:.4}, all {all:.4}, ours {ours:.4}"
+        );
         assert!((ours - all).abs() < 0.02, "{alpha} {degrees}: {ours}, {all}");
     }
 }
 
 /// The table of `src/site/bsdf/presets.md`.
 fn table() -> String {
-    let mut out = String::from(
-        "| preset | | 10° | 60° | 75° | 85° |\n|---|---|---|---|---|---|\n",
-    );
+    let mut out = String::from("| preset | | 10° | 60° | 75° | 85° |\n|---|---|---|---|---|---|\n");
     for preset in PRESETS {
         let bsdf = made(&preset.model());
         let angles = [10.0, 60.0, 75.0, 85.0];

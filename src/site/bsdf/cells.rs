@@ -51,9 +51,7 @@ impl Cell<'_> {
     fn mean(&self, corner: [f64; 2], size: f64, depth: u32) -> f64 {
         let (mut sum, mut low, mut high) = (0.0, f64::INFINITY, 0.0_f64);
         for i in 0..4_u32 {
-            let at = |k: usize, bit: u32| {
-                corner[k] + size * (0.25 + 0.5 * f64::from(i >> bit & 1))
-            };
+            let at = |k: usize, bit: u32| corner[k] + size * (0.25 + 0.5 * f64::from(i >> bit & 1));
             let [x, y] = disk_from_square([at(0, 0), at(1, 1)]);
             let value = (self.of)(self.from, upward(x, y));
             sum += 0.25 * value;
@@ -170,9 +168,8 @@ impl Cells {
 
 /// Directions to the light, even over an incident cell.
 fn incident_directions(rank: usize, index: usize, edge: usize, steps: u32) -> Vec<DVec3> {
-    let inside = |cell: usize, i: u32| {
-        (cell as f64 + (f64::from(i) + 0.5) / f64::from(steps)) / edge as f64
-    };
+    let inside =
+        |cell: usize, i: u32| (cell as f64 + (f64::from(i) + 0.5) / f64::from(steps)) / edge as f64;
     if rank == 3 {
         return (0..steps).map(|i| upward(-(1.0 - 2.0 * inside(index, i)), 0.0)).collect();
     }

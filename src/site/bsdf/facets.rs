@@ -130,12 +130,7 @@ impl Facets {
 
     /// `stake`, from 0 to the sum of [`Self::bounds`], chooses the term and decides on survival.
     #[inline]
-    pub(super) fn sample(
-        &self,
-        incident: DVec3,
-        stake: f64,
-        random: &mut Stream,
-    ) -> Option<DVec3> {
+    pub(super) fn sample(&self, incident: DVec3, stake: f64, random: &mut Stream) -> Option<DVec3> {
         let (lobe, ground) = self.bounds(incident.z);
         let (u, v) = (random.uniform(), random.uniform());
         if stake < lobe {
@@ -145,7 +140,8 @@ impl Facets {
             let half = ggx.facet(incident, u, v);
             let cos = incident.dot(half);
             let out = half * (2.0 * cos) - incident;
-            let alive = out.z > 0.0 && stake < self.interface.at(cos) * ggx.seen_back(incident, out);
+            let alive =
+                out.z > 0.0 && stake < self.interface.at(cos) * ggx.seen_back(incident, out);
             alive.then(|| out.normalize())
         } else {
             let out = on_hemisphere(u, v);

@@ -122,11 +122,11 @@ impl Goniophotometer {
             reader.line(self, at + 1, line.trim())?;
         }
         if reader.below > 0 {
-            self.notes.push(format!("{path}: {} transmitted directions were skipped", reader.below));
+            self.notes
+                .push(format!("{path}: {} transmitted directions were skipped", reader.below));
         }
         if reader.negative > 0 {
-            self.notes
-                .push(format!("{path}: {} negative values were taken as 0", reader.negative));
+            self.notes.push(format!("{path}: {} negative values were taken as 0", reader.negative));
         }
         Ok(())
     }
@@ -161,7 +161,8 @@ impl Goniophotometer {
     pub fn is_isotropic(&self) -> bool {
         let mut slanting = self.incidents.iter().filter(|i| i.theta_deg > 0.01);
         let Some(first) = slanting.next() else { return true };
-        slanting.all(|i| ((i.phi_deg - first.phi_deg + 180.0).rem_euclid(360.0) - 180.0).abs() < 0.1)
+        slanting
+            .all(|i| ((i.phi_deg - first.phi_deg + 180.0).rem_euclid(360.0) - 180.0).abs() < 0.1)
     }
 
     /// The points joined to a surface.
@@ -204,9 +205,10 @@ impl Reader<'_> {
             line.split_once(|c: char| c.is_whitespace() || c == ':').unwrap_or((line, ""));
         let value = value.trim_start_matches(|c: char| c.is_whitespace() || c == ':').trim();
         let number = |text: &str, low: f64, high: f64| {
-            text.parse::<f64>().ok().filter(|v| (low..=high).contains(v)).ok_or_else(|| {
-                self.wrong(at, key, &format!("degrees from {low} to {high}"), text)
-            })
+            text.parse::<f64>()
+                .ok()
+                .filter(|v| (low..=high).contains(v))
+                .ok_or_else(|| self.wrong(at, key, &format!("degrees from {low} to {high}"), text))
         };
         match key {
             "sample_name" => all.name = value.trim_matches('"').to_owned(),
@@ -215,8 +217,7 @@ impl Reader<'_> {
             "upphi" => self.header.up_deg = number(value, -720.0, 720.0)?,
             "incident_angle" => {
                 let (theta, phi) = value.split_once(char::is_whitespace).unwrap_or((value, ""));
-                let (theta, phi) =
-                    (number(theta, 0.0, 90.0)?, number(phi.trim(), -720.0, 720.0)?);
+                let (theta, phi) = (number(theta, 0.0, 90.0)?, number(phi.trim(), -720.0, 720.0)?);
                 (self.header.theta_deg, self.header.phi_deg) = (Some(theta), Some(phi));
             }
             "format" => {
@@ -274,7 +275,8 @@ impl Reader<'_> {
     fn point(&mut self, all: &mut Goniophotometer, at: usize, line: &str) -> Result<(), Error> {
         let (count, taken) = self.header.columns.unwrap_or((1, 0));
         let mut numbers = [0.0_f64; 5];
-        let mut words = line.split(|c: char| c.is_whitespace() || c == ',').filter(|w| !w.is_empty());
+        let mut words =
+            line.split(|c: char| c.is_whitespace() || c == ',').filter(|w| !w.is_empty());
         let expected = || format!("theta, phi and {count} value(s), all numbers");
         for n in &mut numbers[..2 + count] {
             *n = words

@@ -35,7 +35,10 @@ pub fn film_reflectance(cos: f64, index: f64, film: Coating, wavelength_nm: f64)
     0.5 * (both(
         across(1.0, cos, film.index, cos_film),
         across(film.index, cos_film, index, cos_glass),
-    ) + both(along(1.0, cos, film.index, cos_film), along(film.index, cos_film, index, cos_glass)))
+    ) + both(
+        along(1.0, cos, film.index, cos_film),
+        along(film.index, cos_film, index, cos_glass),
+    ))
 }
 
 /// [`film_reflectance`] as sunlight sees it: the mean over 380 to 1,100 nm, where cells work and
@@ -163,7 +166,9 @@ mod tests {
     fn a_metal_without_extinction_is_glass_and_aluminium_is_aluminium() {
         for i in 1..=100 {
             let cos = f64::from(i) / 100.0;
-            assert!((metal_reflectance(cos, 1.52, 0.0) - fresnel::reflectance(cos, 1.52)).abs() < 1e-12);
+            assert!(
+                (metal_reflectance(cos, 1.52, 0.0) - fresnel::reflectance(cos, 1.52)).abs() < 1e-12
+            );
         }
         // ((n - 1)^2 + k^2) / ((n + 1)^2 + k^2).
         let normal = (0.04_f64 * 0.04 + 6.69 * 6.69) / (1.96 * 1.96 + 6.69 * 6.69);

@@ -110,7 +110,8 @@ impl Sheet {
                 return;
             }
             let bucket = (bx * edge + by) as usize;
-            for &(v, f) in &self.points[self.first[bucket] as usize..self.first[bucket + 1] as usize]
+            for &(v, f) in
+                &self.points[self.first[bucket] as usize..self.first[bucket + 1] as usize]
             {
                 *count += 1;
                 let d = v.distance_squared(to);

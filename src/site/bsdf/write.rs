@@ -59,6 +59,42 @@ pub struct Written {
     pub costs: Vec<Cost>,
 }
 
+impl Written {
+    /// For people.
+    pub fn told(&self) -> String {
+        let mut out = format!(
+            "tensor tree of rank {}, 2^{} cells an edge, {} values for {} cells, {:.1} MB\n",
+            self.rank,
+            self.resolution,
+            self.values,
+            self.cells,
+            self.text.len() as f64 / 1e6
+        );
+        // Writing into a String can't fail.
+        let _ =
+            writeln!(out, "    incidence (its cell)      reflects  pruned    peak 1/sr  pruned");
+        for c in &self.costs {
+            let _ = writeln!(
+                out,
+                "    {:>4}° ({:>4.1}° to {:>4.1}°)   {:>6.2} %  {:>6.2} %  {:>9.3}  {:.3} ({:+.1} %)",
+                c.angle_deg,
+                c.cell_deg.0,
+                c.cell_deg.1,
+                100.0 * c.scattered,
+                100.0 * c.pruned_scattered,
+                c.peak_per_sr,
+                c.pruned_per_sr,
+                if c.peak_per_sr > 0.0 {
+                    100.0 * (c.pruned_per_sr / c.peak_per_sr - 1.0)
+                } else {
+                    0.0
+                }
+            );
+        }
+        out
+    }
+}
+
 /// Finest cells of rank 4: 2^24 of them.
 const FINEST_4: u32 = 6;
 /// Finest cells of rank 3: 2^27, half of them unused.
@@ -144,8 +180,9 @@ struct Pruner {
 impl Pruner {
     fn new(cells: &Cells, prune: f64) -> Self {
         let rank = cells.rank;
-        let mut levels =
-            vec![cells.values.iter().map(|&v| Node { low: v, high: v, mean: v }).collect::<Vec<_>>()];
+        let mut levels = vec![
+            cells.values.iter().map(|&v| Node { low: v, high: v, mean: v }).collect::<Vec<_>>(),
+        ];
         for level in (0..cells.resolution).rev() {
             let below = &levels[levels.len() - 1];
             let count = 1_usize << (rank as u32 * level);
@@ -190,7 +227,8 @@ impl Pruner {
         } else if level + 1 == finest {
             self.text.push('{');
             for child in 0..1_usize << rank {
-                let slowest_first = (0..rank).fold(0, |c, j| c | (child >> (rank - 1 - j) & 1) << j);
+                let slowest_first =
+                    (0..rank).fold(0, |c, j| c | (child >> (rank - 1 - j) & 1) << j);
                 let cell = index(&child_at(&at, slowest_first), rank, finest);
                 let _ = write!(self.text, " {:.5e}", self.pruned[cell]);
             }

@@ -7,6 +7,7 @@
 //! instead of pixels.
 
 mod background;
+mod direct;
 mod error;
 mod estimate;
 mod facet;
@@ -22,13 +23,16 @@ mod view;
 mod view_options;
 
 pub use background::{background, representative_suns};
+pub use direct::{
+    Direct, DirectScene, DirectScratch, DirectSummary, DirectYear, TileYear, direct_series,
+};
 pub use error::Error;
 pub use estimate::{Estimate, Estimator, MIN_COS, MIN_RADIUS_M, estimate};
 pub use gather::{Annual, Gather, annual};
 pub use hits::{Hit, HitKind, HitMap, hits};
 pub use mirror::{
     Lit, MirrorDay, MirrorReceiver, MirrorRule, MirrorRun, MirrorSummary, MirrorTimes, MirrorYear,
-    SEPARATION_DEG,
+    SEPARATION_DEG, points_on,
 };
 pub use series::{Quantity, SeriesSummary, series};
 pub use view::{Projection, View, ViewRay};

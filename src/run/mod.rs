@@ -10,6 +10,7 @@ mod folder;
 mod job;
 mod log;
 pub mod manifest;
+pub mod mirror;
 mod points;
 pub mod probe;
 mod project;

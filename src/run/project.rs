@@ -67,6 +67,19 @@ pub struct SiteTable {
     /// Above the sea, m.
     #[serde(default)]
     pub elevation_m: f64,
+    /// Ridges beyond the scene: a file of azimuths and altitudes, or pairs of them, degrees.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub horizon: Option<HorizonEntry>,
+}
+
+/// Where the far horizon comes from.
+#[derive(Clone, Debug, Deserialize, Serialize)]
+#[serde(untagged)]
+pub enum HorizonEntry {
+    /// `"horizon.csv"`, beside the project file.
+    File(PathBuf),
+    /// `[[0, 2.5], [90, 4], …]`: azimuth clockwise from north and altitude, degrees.
+    Points(Vec<[f64; 2]>),
 }
 
 /// `[scene]`

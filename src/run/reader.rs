@@ -12,11 +12,11 @@ use glam::DVec3;
 
 use super::error::Error;
 use super::manifest::hash_path;
-use super::project::{self, DayEntry, FileEntry, OriginEntry, Project};
+use super::project::{self, DayEntry, FileEntry, HorizonEntry, OriginEntry, Project};
 use super::resolve::RECEIVERS;
 use crate::base::limits;
 use crate::site::{Files, Origin, PvArray, PvSpec, SceneFile, SceneSpec};
-use crate::sky::{DayRange, HourRange, Irradiance, Place, SunModel, TimeSpec, Weather};
+use crate::sky::{DayRange, FarHorizon, HourRange, Irradiance, Place, SunModel, TimeSpec, Weather};
 
 /// Reads a plan off a project file, table by table.
 pub(super) struct Reader<'a> {
@@ -127,6 +127,17 @@ impl Reader<'_> {
             meridian_deg: s.meridian,
             elevation_m: s.elevation_m,
         })
+    }
+
+    pub fn horizon(&self) -> Result<Option<FarHorizon>, Error> {
+        let horizon = match &self.project.site.horizon {
+            None => return Ok(None),
+            Some(HorizonEntry::Points(points)) => FarHorizon::from_points(points),
+            Some(HorizonEntry::File(path)) => {
+                FarHorizon::read(&self.file.parent().unwrap_or(Path::new("")).join(path))
+            }
+        };
+        horizon.map(Some).map_err(|e| self.wrong(format!("site.horizon: {e}")))
     }
 
     pub fn times(&self) -> Result<TimeSpec, Error> {

@@ -219,9 +219,8 @@ mod tests {
             let middle = DVec3::new(one(), one(), one() + 0.3);
             let size = if i % 3 == 0 { 1.2 } else { 0.3 };
             let mut corners = [0; 3].map(|_| middle + DVec3::new(one(), one(), one()) * size);
-            let inside = |c: &[DVec3; 3], s: DVec3| {
-                (0..3).all(|i| c[i].cross(c[(i + 1) % 3]).dot(s) >= 0.0)
-            };
+            let inside =
+                |c: &[DVec3; 3], s: DVec3| (0..3).all(|i| c[i].cross(c[(i + 1) % 3]).dot(s) >= 0.0);
             if corners[0].dot(corners[1].cross(corners[2])) < 0.0 {
                 corners.swap(0, 1);
             }

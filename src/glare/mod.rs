@@ -21,6 +21,7 @@ mod sheet;
 mod slices;
 mod smooth;
 mod stream;
+mod strip;
 mod threshold;
 mod tile_batch;
 mod track;

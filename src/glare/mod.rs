@@ -22,6 +22,7 @@ mod slices;
 mod smooth;
 mod spot;
 mod stream;
+mod strip;
 mod threshold;
 mod tile_batch;
 mod track;

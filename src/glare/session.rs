@@ -261,6 +261,7 @@ fn batches(segments: &[Range<usize>], step: usize) -> Vec<Batch> {
         segment.clone().step_by(step).map(move |start| Batch {
             segment: segment.clone(),
             steps: start..(start + step).min(end),
+            room: step,
         })
     };
     segments.iter().flat_map(cut).collect()

@@ -6,21 +6,30 @@
 //! scene by daylight, so that a planner recognises the house.
 
 mod background;
+mod candidates;
+mod confidence;
 mod error;
 mod estimate;
+mod fixed;
+mod fused;
 mod gather;
 mod hits;
 mod order;
 mod palette;
 mod seen;
 mod series;
+mod share;
+mod surfaces;
 mod view;
 mod view_options;
 
 pub use background::{background, representative_suns};
+pub use confidence::{DECIDED, undecided};
 pub use error::Error;
-pub use estimate::{Estimate, Estimator, MIN_COS, MIN_RADIUS_M, estimate};
+pub use estimate::{Estimate, Estimator, Kernel, MIN_COS, MIN_RADIUS_M, estimate};
+pub use fused::Fused;
 pub use gather::{Annual, Gather, annual};
 pub use hits::{Hit, HitKind, HitMap, hits};
-pub use series::{Quantity, SeriesSummary, series};
+pub use series::{Quantity, Series, SeriesSummary, series};
+pub use surfaces::Surfaces;
 pub use view::{Projection, View, ViewRay};

@@ -166,7 +166,12 @@ impl Reader<'_> {
             name: t.name.clone(),
             options: options.clone(),
             view,
-            annual: Gather { bandwidth: t.bandwidth, max_radius_m: t.max_radius_m, estimator },
+            annual: Gather {
+                bandwidth: t.bandwidth,
+                max_radius_m: t.max_radius_m,
+                estimator,
+                ..Gather::default()
+            },
             series_bandwidth: t.series_bandwidth,
         })
     }

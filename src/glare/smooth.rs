@@ -2,7 +2,9 @@ use std::ops::Range;
 
 use rayon::prelude::*;
 
+use super::error::Error;
 use super::kernel::{Kernel, reflect};
+use super::settings::Settings;
 use super::threshold::{FindRuns, Run, stitch};
 use super::vector::{Aligned, LANES, Stencil, Widen, dispatch};
 use super::window::{GROUP, Window};
@@ -51,6 +53,12 @@ impl Batch {
 pub(super) type Strip = Vec<Vec<Run>>;
 
 impl Smoother {
+    /// The filter and the threshold that are asked for.
+    pub fn new(settings: &Settings) -> Result<Self, Error> {
+        let [t, y, x] = settings.kernels()?;
+        Ok(Self { t, y, x, threshold: settings.threshold_f32()? })
+    }
+
     /// Whether no axis is filtered.
     pub fn is_identity(&self) -> bool {
         [&self.t, &self.y, &self.x].iter().all(|kernel| kernel.is_identity())

@@ -8,6 +8,7 @@
 
 mod build;
 mod cache;
+mod candidates;
 mod error;
 mod facts;
 mod inspect;
@@ -16,6 +17,7 @@ mod morton;
 mod page;
 mod quantise;
 mod query;
+mod shared;
 mod sort;
 mod spill;
 mod store;

@@ -10,10 +10,12 @@ mod candidates;
 mod confidence;
 mod error;
 mod estimate;
+mod facet;
 mod fixed;
 mod fused;
 mod gather;
 mod hits;
+mod mirror;
 mod order;
 mod palette;
 mod seen;
@@ -30,6 +32,10 @@ pub use estimate::{Estimate, Estimator, Kernel, MIN_COS, MIN_RADIUS_M, estimate}
 pub use fused::Fused;
 pub use gather::{Annual, Gather, annual};
 pub use hits::{Hit, HitKind, HitMap, hits};
+pub use mirror::{
+    Lit, MirrorDay, MirrorReceiver, MirrorRule, MirrorRun, MirrorSummary, MirrorTimes, MirrorYear,
+    SEPARATION_DEG,
+};
 pub use series::{Quantity, Series, SeriesSummary, series};
 pub use surfaces::Surfaces;
 pub use view::{Projection, View, ViewRay};

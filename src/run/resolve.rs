@@ -118,7 +118,7 @@ impl Resolved {
             place: r.place()?,
             times: r.times()?,
             scene: r.scene(&folder)?,
-            pv: r.pv(),
+            pv: r.pv()?,
             views: project.view.iter().map(|v| r.view(v)).collect::<Result<_, _>>()?,
             trace: r.trace()?,
             quantity: r.quantity()?,
@@ -159,7 +159,9 @@ impl Resolved {
             let (FileEntry::Path(path) | FileEntry::Table { path, .. }) = entry;
             *path = path.file_name().unwrap_or_default().into();
         }
-        key_of("scene", &(scene, &self.project.pv, &self.inputs))
+        // By the projection the site's place says where north lies.
+        let place = self.scene.convergence_at;
+        key_of("scene", &(scene, &self.project.pv, &self.inputs, place))
     }
 
     /// What decides the timesteps.

@@ -169,7 +169,7 @@ fn a_spot_inside_the_mirrored_beam_gets_dni_times_fresnel_times_cosine() {
         Gather { bandwidth: BANDWIDTH, max_radius_m: Some(2.0), estimator: Estimator::Photons };
     for model in [Model::Glass { index: 1.52 }, Model::Mirror { reflectance: 0.9 }] {
         let folder = tempfile::tempdir().expect("folder");
-        let store = store(&site, &timeline, model, folder.path());
+        let store = store(&site, &timeline, model.clone(), folder.path());
         let reflectance = |cos: f64| match model {
             Model::Glass { index } => fresnel(index, cos),
             _ => 0.9,

@@ -155,7 +155,13 @@ pub(super) fn rooted(
             {
                 seeing_level += 1;
             }
-            out.push(Rooted { facet: number, cell, seeing_level, any: Vec::new(), all: Vec::new() });
+            out.push(Rooted {
+                facet: number,
+                cell,
+                seeing_level,
+                any: Vec::new(),
+                all: Vec::new(),
+            });
         }
     }
     let cells: u64 = out.iter().map(|r| r.seeing() as u64).sum();

@@ -27,10 +27,12 @@ impl Disc {
         let root = 3.0_f64.sqrt();
         match count {
             4 => ring(0.5, 4, 0.0).collect(),
-            16 => ring((3.0 - root) / 6.0, 8, 0.0)
-                .chain(ring((3.0 + root) / 6.0, 8, 0.5))
+            16 => {
+                ring((3.0 - root) / 6.0, 8, 0.0).chain(ring((3.0 + root) / 6.0, 8, 0.5)).collect()
+            }
+            _ => (0..4)
+                .flat_map(|i| ring((f64::from(i) + 0.5) / 4.0, 16, 0.25 * f64::from(i)))
                 .collect(),
-            _ => (0..4).flat_map(|i| ring((f64::from(i) + 0.5) / 4.0, 16, 0.25 * f64::from(i))).collect(),
         }
     }
 
@@ -136,7 +138,8 @@ mod tests {
             assert!((share - count[1] / count[0]).abs() < 1e-3, "{i}: {share} {count:?}");
         }
         // A corner behind the eye.
-        let wide = [sun.z * -5.0 + sun.x * 30.0, sun.y * 30.0 + sun.z, (sun.x + sun.y) * -30.0 + sun.z];
+        let wide =
+            [sun.z * -5.0 + sun.x * 30.0, sun.y * 30.0 + sun.z, (sun.x + sun.y) * -30.0 + sun.z];
         assert!((disc.share(&sun, &wide) - 1.0).abs() < 1e-9);
     }
 

@@ -196,14 +196,7 @@ impl Integral<'_> {
     }
 
     /// Applies the rule; suns for which it bends too much go to `finer`.
-    fn look(
-        &mut self,
-        cell: &Cell,
-        suns: &Batch,
-        as_disc: bool,
-        deepest: bool,
-        finer: &mut Batch,
-    ) {
+    fn look(&mut self, cell: &Cell, suns: &Batch, as_disc: bool, deepest: bool, finer: &mut Batch) {
         let count = suns.len();
         if count == 0 {
             return;

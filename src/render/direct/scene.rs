@@ -161,16 +161,11 @@ impl<'a> Direct<'a> {
             let way = spot.position - start;
             let away_m = way.length();
             let towards = way / away_m;
-            let faces = spot.normal.dot(towards) < 0.0
-                && away_m - cell.radius_m() < self.scene.max_path_m;
+            let faces =
+                spot.normal.dot(towards) < 0.0 && away_m - cell.radius_m() < self.scene.max_path_m;
             let end_m = (away_m - 0.5 * LIFT_M).max(0.0) as f32;
             let free = faces
-                && !self.scene.site.bvh.occluded(
-                    start.as_vec3(),
-                    towards.as_vec3(),
-                    0.0,
-                    end_m,
-                );
+                && !self.scene.site.bvh.occluded(start.as_vec3(), towards.as_vec3(), 0.0, end_m);
             seen += u32::from(free);
             seen_before.push(seen);
         }

@@ -172,7 +172,12 @@ impl Reader<'_> {
                 self.wrong(format!("view.{}.max_radius_m: expected metres above 0", t.name))
             );
         }
-        Ok(Gather { bandwidth: t.bandwidth, max_radius_m: t.max_radius_m, estimator })
+        Ok(Gather {
+            bandwidth: t.bandwidth,
+            max_radius_m: t.max_radius_m,
+            estimator,
+            ..Gather::default()
+        })
     }
 
     fn later(&self, t: &ViewTable, key: &str, instead: &str) -> Error {

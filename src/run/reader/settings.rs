@@ -258,6 +258,7 @@ impl Reader<'_> {
             connectivity,
             allow_nonfinite: false,
             memory_bytes,
+            ..glare::Settings::default()
         })
     }
 }

@@ -1,3 +1,4 @@
+use std::path::Path;
 use std::time::Instant;
 
 use serde_json::json;
@@ -39,7 +40,8 @@ fn one(
 ) -> Result<(), Error> {
     let began = Instant::now();
     let volume = Volume::open(&job.folder.at(&job.folder.series(&candidate.name, &view.name)))?;
-    let settings = glare::Settings { threshold, ..job.resolved.glare.clone() };
+    let spill = job.folder.at(Path::new("run"));
+    let settings = glare::Settings { threshold, spill, ..job.resolved.glare.clone() };
     let steps = volume.shape()[0] as u64;
     let analysis = glare::analyse(&volume, &volume.segments(), &settings, None, job.progress)?;
     job.progress.finish();

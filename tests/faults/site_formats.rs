@@ -484,12 +484,12 @@ void mesh plain 1 house.obj 0 0
 }
 
 /// How often each reader is fed with damaged files: `GLINTMAP_FUZZ` sets it.
-fn executions() -> u64 {
+pub fn executions() -> u64 {
     std::env::var("GLINTMAP_FUZZ").ok().and_then(|n| n.parse().ok()).unwrap_or(400)
 }
 
 /// Damages bytes: bits, digits, cuts, repeats, words swapped.
-fn damage(bytes: &mut Vec<u8>, random: &mut Stream) {
+pub fn damage(bytes: &mut Vec<u8>, random: &mut Stream) {
     let mut below = |n: usize| (random.uniform() * n as f64) as usize;
     for _ in 0..1 + below(5) {
         if bytes.is_empty() {

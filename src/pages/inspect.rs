@@ -1,8 +1,9 @@
 //! Figures about a store, for people.
 
 use super::Error;
-use super::spill::RECORD_BYTES;
+use super::bucket::RECORD_BYTES;
 use super::store::Store;
+use crate::base::Photon;
 
 /// The leaves of one level of the octree.
 #[derive(Clone, Copy, Debug, Default, PartialEq, serde::Serialize)]
@@ -62,6 +63,20 @@ impl Store {
             level.fill = level.photons as f64 / room as f64;
         }
         levels
+    }
+
+    /// Calls `each` with index and photon for the photons of a page, in store order; for none
+    /// where there is no such page. Goes past the cache.
+    ///
+    /// # Errors
+    /// [`Error::Damaged`] where the page doesn't hold what it promises.
+    pub fn in_page(&self, number: usize, mut each: impl FnMut(u64, &Photon)) -> Result<(), Error> {
+        let Some(entry) = self.pages.get(number) else { return Ok(()) };
+        let page = self.read(number)?;
+        for i in 0..page.photons {
+            each(entry.first_photon + i as u64, &page.photon(i));
+        }
+        Ok(())
     }
 
     /// Counts and flux of all timesteps, also of those without photons.

@@ -6,16 +6,20 @@
 //! nearest photons of a spot, those in a box, or all. What they mean is for others to say. The
 //! file is described in [`glintmap_formats::gmp`].
 
+mod bucket;
 mod build;
 mod cache;
+mod candidates;
 mod error;
 mod facts;
 mod inspect;
 mod mapped;
 mod morton;
 mod page;
+mod parting;
 mod quantise;
 mod query;
+mod shared;
 mod sort;
 mod spill;
 mod store;

@@ -9,8 +9,8 @@ use std::path::{Path, PathBuf};
 use rayon::prelude::*;
 
 use super::Error;
+use super::bucket::{Bucket, RECORD_BYTES, photon, record};
 use super::morton::Cube;
-use super::spill::{Bucket, RECORD_BYTES, photon, record};
 use crate::base::Photon;
 
 /// Photons of some neighbouring buckets, sorted.

@@ -1,5 +1,7 @@
 //! Spill, build, search: each held against a slow twin that knows no pages.
 
+mod shared;
+
 use std::path::{Path, PathBuf};
 
 use glam::Vec3;

@@ -18,7 +18,6 @@ use super::shard::Shard;
 use super::units::{Planned, units};
 use crate::base::{Finding, Progress, Provenance, Severity, Timeline};
 use crate::site::Site;
-use crate::sky;
 
 /// The stages of a run, in their order.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
@@ -220,7 +219,7 @@ impl Job<'_> {
         if let Some(timeline) = self.timeline.get() {
             return Ok(timeline);
         }
-        let timeline = sky::timeline(&self.resolved.place, &self.resolved.times)?;
+        let timeline = self.resolved.timeline()?;
         Ok(self.timeline.get_or_init(|| timeline))
     }
 

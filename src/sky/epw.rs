@@ -99,9 +99,9 @@ impl Weather {
             {
                 let offset = offset.trim().trim_matches('"');
                 weather.instant_offset_h =
-                    Some(offset.parse().ok().filter(|h: &f64| h.abs() <= 2.0).ok_or_else(|| {
-                        wrong(path, line, "Irradiance Time Offset", "-2 to 2 hours", offset)
-                    })?);
+                    Some(offset.parse().ok().filter(|h: &f64| h.abs() <= 2.0).ok_or_else(
+                        || wrong(path, line, "Irradiance Time Offset", "-2 to 2 hours", offset),
+                    )?);
             }
             if !row.starts_with("DATA PERIODS") {
                 if line > 60 {

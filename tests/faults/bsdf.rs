@@ -7,7 +7,7 @@ use glintmap::base::{Purpose, Stream};
 use glintmap::site::bsdf::{BsdfFile, Goniophotometer, Side, Way};
 use glintmap::sky::Weather;
 
-use super::site_formats::{damage, executions};
+use super::site_formats::fuzz::{damage, executions};
 
 use crate::physics::bsdf_files::file;
 use crate::support;
@@ -96,7 +96,9 @@ fn weather_is_read_or_refused_by_line() {
         (HEAD.replace("1,1,Data", "1,7,Data"), "a divisor of 60"),
         (format!("COMMENTS\n{HEAD}"), "LOCATION"),
         (
-            format!("{HEAD}{}", whole_day(6, 1)).replace("PERIODS,1,1", "PERIODS,1,4").replace(",60,", ",20,"),
+            format!("{HEAD}{}", whole_day(6, 1))
+                .replace("PERIODS,1,1", "PERIODS,1,4")
+                .replace(",60,", ",20,"),
             "the end of a record, 4 an hour",
         ),
         (
@@ -126,7 +128,8 @@ fn real_weather_is_read_or_refused_for_the_missing_values() {
 
 #[test]
 fn comments_stand_among_numbers_and_a_missing_way_is_filled_in() {
-    let numbers: Vec<String> = (0..1681).map(|i| format!("{:.4}", 1e-4 * f64::from(i % 97))).collect();
+    let numbers: Vec<String> =
+        (0..1681).map(|i| format!("{:.4}", 1e-4 * f64::from(i % 97))).collect();
     let quarter = "<ColumnAngleBasis>LBNL/Klems Quarter</ColumnAngleBasis><RowAngleBasis>LBNL/Klems Quarter</RowAngleBasis>";
     let plain = file("Columns", quarter, &numbers.join(", "));
     let told = plain.replacen("0.0003,", "0.0003,<!-- 5 6 -->\n", 2);
@@ -184,7 +187,11 @@ fn goniophotometer_data_are_read_or_refused_by_line() {
 fn damaged_bsdfs_weather_and_points_never_panic() {
     let quarter = "<ColumnAngleBasis>LBNL/Klems Quarter</ColumnAngleBasis><RowAngleBasis>LBNL/Klems Quarter</RowAngleBasis>";
     let own = "<ColumnAngleBasis>own</ColumnAngleBasis><RowAngleBasis>own</RowAngleBasis>";
-    let ring = |low, high, n| format!("<AngleBasisBlock><ThetaBounds><LowerTheta>{low}</LowerTheta><UpperTheta>{high}</UpperTheta></ThetaBounds><nPhis>{n}</nPhis></AngleBasisBlock>");
+    let ring = |low, high, n| {
+        format!(
+            "<AngleBasisBlock><ThetaBounds><LowerTheta>{low}</LowerTheta><UpperTheta>{high}</UpperTheta></ThetaBounds><nPhis>{n}</nPhis></AngleBasisBlock>"
+        )
+    };
     let defined = format!(
         "</IncidentDataStructure><AngleBasis><AngleBasisName>own</AngleBasisName>{}{}</AngleBasis>",
         ring(0, 30, 1),
@@ -192,11 +199,32 @@ fn damaged_bsdfs_weather_and_points_never_panic() {
     );
     let seeds: Vec<(&str, String)> = vec![
         ("xml", file("Columns", quarter, &"0.1 ".repeat(1681))),
-        ("xml", file("Rows", own, &"0.1,\t".repeat(25)).replace("</IncidentDataStructure>", &defined)),
-        ("xml", file("TensorTree3", SQUARE, "{ {0.1}{0.1 0.2 0.1 0.1 0 0 0 0}{0}{{1}{2}{3}{4}{5}{6}{7}{8}}{0}{0}{0}{1e-3} }")),
-        ("xml", file("TensorTree4", SQUARE, &format!("{{ {} {{ {} }} }}", "{0.1}".repeat(15), "0.2 ".repeat(16)))),
+        (
+            "xml",
+            file("Rows", own, &"0.1,\t".repeat(25)).replace("</IncidentDataStructure>", &defined),
+        ),
+        (
+            "xml",
+            file(
+                "TensorTree3",
+                SQUARE,
+                "{ {0.1}{0.1 0.2 0.1 0.1 0 0 0 0}{0}{{1}{2}{3}{4}{5}{6}{7}{8}}{0}{0}{0}{1e-3} }",
+            ),
+        ),
+        (
+            "xml",
+            file(
+                "TensorTree4",
+                SQUARE,
+                &format!("{{ {} {{ {} }} }}", "{0.1}".repeat(15), "0.2 ".repeat(16)),
+            ),
+        ),
         ("epw", format!("{HEAD}{}", whole_day(6, 1))),
-        ("epw", format!("{HEAD}{}", whole_day(2, 29)).replace("DATA", "COMMENTS 2,Irradiance Time Offset (h):-0.8\nDATA")),
+        (
+            "epw",
+            format!("{HEAD}{}", whole_day(2, 29))
+                .replace("DATA", "COMMENTS 2,Irradiance Time Offset (h):-0.8\nDATA"),
+        ),
         ("txt", GONIO.to_owned()),
     ];
     let (mut read, mut refused) = (0, 0);
@@ -212,7 +240,10 @@ fn damaged_bsdfs_weather_and_points_never_panic() {
             "xml" => BsdfFile::parse(&text, "f.xml").map_err(|e| e.to_string()).map(|f| {
                 if let Ok(m) = f.reflection(Side::Front, None) {
                     let (r, f) = (m.reflectance(from), m.evaluate(from, DVec3::Z));
-                    assert!((0.0..=1.0 + 1e-6).contains(&r) && f >= 0.0 && f.is_finite(), "{r} {f}");
+                    assert!(
+                        (0.0..=1.0 + 1e-6).contains(&r) && f >= 0.0 && f.is_finite(),
+                        "{r} {f}"
+                    );
                 }
             }),
             "epw" => Weather::parse(&text, "f.epw").map_err(|e| e.to_string()).map(|_| ()),

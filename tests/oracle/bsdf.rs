@@ -87,7 +87,8 @@ fn measured(theta_in: f64, bsdf: &Bsdf) -> String {
         let (theta, phi) = (theta.to_radians(), phi.to_radians());
         DVec3::new(theta.sin() * phi.cos(), theta.sin() * phi.sin(), theta.cos())
     };
-    let mut text = format!("#sample_name \"satin\"\n#format: theta phi BSDF\n#intheta {theta_in}\n#inphi 0\n");
+    let mut text =
+        format!("#sample_name \"satin\"\n#format: theta phi BSDF\n#intheta {theta_in}\n#inphi 0\n");
     for ring in 0..22 {
         let theta = 1.0 + 4.0 * f64::from(ring);
         let around = (6.0 * theta.to_radians().sin() / 4_f64.to_radians()).ceil().max(4.0);
@@ -103,7 +104,9 @@ fn measured(theta_in: f64, bsdf: &Bsdf) -> String {
 #[test]
 fn goniophotometer_data_become_the_same_lobe_as_with_pabopto2bsdf() {
     let Some(radiance) = radiance() else { return };
-    let bsdf = Bsdf::from_model(&Model::PvGlass { index: 1.52, ggx_alpha: 0.3, cell_reflectance: 0.1 }).unwrap();
+    let bsdf =
+        Bsdf::from_model(&Model::PvGlass { index: 1.52, ggx_alpha: 0.3, cell_reflectance: 0.1 })
+            .unwrap();
     let keep = tempfile::tempdir().unwrap();
     let mut paths = Vec::new();
     for theta in [0, 15, 30, 45, 60, 75] {
@@ -130,7 +133,8 @@ fn goniophotometer_data_become_the_same_lobe_as_with_pabopto2bsdf() {
     let theirs = Bsdf::Measured(theirs.reflection(Side::Front, None).unwrap());
     for degrees in [10.0_f64, 30.0, 52.0, 70.0] {
         let from = DVec3::new(-degrees.to_radians().sin(), 0.0, degrees.to_radians().cos());
-        let (a, b, true_) = (ours.reflectance(from), theirs.reflectance(from), bsdf.reflectance(from));
+        let (a, b, true_) =
+            (ours.reflectance(from), theirs.reflectance(from), bsdf.reflectance(from));
         eprintln!("{degrees}: ours {a:.4}, Radiance's {b:.4}, the model {true_:.4}");
         assert!((a / true_ - 1.0).abs() < 0.06, "{degrees}: {a} of {true_}");
         assert!((b / a - 1.0).abs() < 0.25, "{degrees}: {a}, Radiance's {b}");

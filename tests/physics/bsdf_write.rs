@@ -41,12 +41,20 @@ fn a_written_preset_scatters_the_same_light_when_read_again() {
             let from = from_degrees(degrees, 30.0);
             for (read, within) in [(&read, 0.01), (&read_pruned, 0.01)] {
                 let seen = read.reflectance(from);
-                assert!((seen / expected - 1.0).abs() < within, "{} at {degrees}: {seen} {expected}", p.name);
+                assert!(
+                    (seen / expected - 1.0).abs() < within,
+                    "{} at {degrees}: {seen} {expected}",
+                    p.name
+                );
             }
             // The peak in the plane of incidence is at most the one that was told.
             let (lobe, lobe_pruned) = (read.lobe(degrees), read_pruned.lobe(degrees));
             assert!(lobe.peak_per_sr <= cost.peak_per_sr * 1.0001 + 1e-6);
-            assert!(lobe.peak_per_sr >= cost.peak_per_sr * 0.7, "{} at {degrees}: {lobe:?} {cost:?}", p.name);
+            assert!(
+                lobe.peak_per_sr >= cost.peak_per_sr * 0.7,
+                "{} at {degrees}: {lobe:?} {cost:?}",
+                p.name
+            );
             assert!(lobe_pruned.peak_per_sr <= cost.pruned_per_sr * 1.0001 + 1e-6);
         }
     }
@@ -54,7 +62,8 @@ fn a_written_preset_scatters_the_same_light_when_read_again() {
 
 #[test]
 fn a_delta_lobe_fills_its_cell() {
-    let model = Model::CoatedGlass { index: 1.52, ggx_alpha: 0.0, cell_reflectance: 0.05, coating: None };
+    let model =
+        Model::CoatedGlass { index: 1.52, ggx_alpha: 0.0, cell_reflectance: 0.05, coating: None };
     let bsdf = Bsdf::from_model(&model).unwrap();
     let written = write(&bsdf, "smooth", Fineness { resolution: 5, prune: 0.0 }).unwrap();
     let read = again(&written.text);
@@ -63,7 +72,10 @@ fn a_delta_lobe_fills_its_cell() {
         let expected = over_cell(&bsdf, cost.cell_deg);
         assert!((seen / expected - 1.0).abs() < 0.02, "{cost:?}: {seen} {expected}");
         let lobe = read.lobe(cost.angle_deg);
-        assert!((lobe.peak_deg - cost.angle_deg).abs() < 10.0 && lobe.peak_per_sr > 1.0, "{lobe:?}");
+        assert!(
+            (lobe.peak_deg - cost.angle_deg).abs() < 10.0 && lobe.peak_per_sr > 1.0,
+            "{lobe:?}"
+        );
     }
 }
 
@@ -72,7 +84,12 @@ fn what_is_not_isotropic_is_written_with_rank_4() {
     let text = crate::physics::bsdf_files::file(
         "TensorTree4",
         "<AngleBasis>LBNL/Shirley-Chiu</AngleBasis>",
-        &format!("{{ {} }}", (0..256).map(|i| format!("{:.3} ", 0.1 + 0.0005 * f64::from(i * 37 % 256))).collect::<String>()),
+        &format!(
+            "{{ {} }}",
+            (0..256)
+                .map(|i| format!("{:.3} ", 0.1 + 0.0005 * f64::from(i * 37 % 256)))
+                .collect::<String>()
+        ),
     );
     let bsdf = again(&text);
     let written = write(&bsdf, "uneven", Fineness { resolution: 2, prune: 0.0 }).unwrap();
@@ -122,11 +139,15 @@ fn points(bsdf: &Bsdf, incident: &[(f64, f64)]) -> Goniophotometer {
 
 #[test]
 fn measured_points_are_met_and_joined() {
-    let bsdf = Bsdf::from_model(&Model::PvGlass { index: 1.52, ggx_alpha: 0.3, cell_reflectance: 0.1 }).unwrap();
+    let bsdf =
+        Bsdf::from_model(&Model::PvGlass { index: 1.52, ggx_alpha: 0.3, cell_reflectance: 0.1 })
+            .unwrap();
     let angles = [0.0, 20.0, 40.0, 60.0, 75.0];
     let flat: Vec<_> = angles.map(|a| (a, 90.0)).to_vec();
-    let round: Vec<_> =
-        angles.iter().flat_map(|&a| (0..if a > 0.0 { 8 } else { 1 }).map(move |i| (a, 45.0 * f64::from(i)))).collect();
+    let round: Vec<_> = angles
+        .iter()
+        .flat_map(|&a| (0..if a > 0.0 { 8 } else { 1 }).map(move |i| (a, 45.0 * f64::from(i))))
+        .collect();
     for (incident, rank, resolution) in [(flat, 3, 5), (round, 4, 3)] {
         let data = points(&bsdf, &incident);
         let surface = data.surface();
@@ -138,7 +159,10 @@ fn measured_points_are_met_and_joined() {
                 // Azimuths that were not measured, too.
                 let from = from_degrees(theta, if rank == 4 { 100.0 } else { 10.0 });
                 let (seen, true_) = (surface.value(from, out), bsdf.evaluate(from, out));
-                assert!((seen / true_ - 1.0).abs() < 2.5 * most, "{rank} {theta} {out}: {seen} {true_}");
+                assert!(
+                    (seen / true_ - 1.0).abs() < 2.5 * most,
+                    "{rank} {theta} {out}: {seen} {true_}"
+                );
             }
         }
         let reach = surface.reach();
@@ -182,10 +206,16 @@ fn processor_s() -> f64 {
 #[ignore = "a measurement"]
 fn what_scattering_costs() {
     let lambertian = Bsdf::from_model(&Model::Lambertian { reflectance: 0.25 }).unwrap();
-    let written = write(&preset("standard"), "standard", Fineness { resolution: 7, prune: 0.0 }).unwrap();
+    let written =
+        write(&preset("standard"), "standard", Fineness { resolution: 7, prune: 0.0 }).unwrap();
     let start = processor_s();
     let tree = again(&written.text);
-    println!("{:.1} MB, {} values, read in {:.2} s", written.text.len() as f64 / 1e6, written.values, processor_s() - start);
+    println!(
+        "{:.1} MB, {} values, read in {:.2} s",
+        written.text.len() as f64 / 1e6,
+        written.values,
+        processor_s() - start
+    );
     const DRAWS: u64 = 4_000_000;
     for round in 0..3 {
         let cost = |bsdf: &Bsdf| {
@@ -202,7 +232,10 @@ fn what_scattering_costs() {
             1e9 * (processor_s() - start) / DRAWS as f64
         };
         let (even, other) = (cost(&lambertian), cost(&tree));
-        println!("round {round}: Lambertian {even:.1} ns, tree {other:.1} ns a draw: {:.2}", other / even);
+        println!(
+            "round {round}: Lambertian {even:.1} ns, tree {other:.1} ns a draw: {:.2}",
+            other / even
+        );
     }
 }
 

@@ -51,13 +51,19 @@ fn leap_days_are_taken_from_the_file_or_from_the_day_before() {
     let head = "DATA PERIODS,1,1,Data,Sunday,2/28,3/1";
     let of = |dates: &[(u32, u32, f64)]| {
         let dates = dates.to_vec();
-        epw(head, dates.into_iter().flat_map(|(m, d, v)| (1..=24).map(move |h| row(m, d, h, 60, v))))
+        epw(
+            head,
+            dates.into_iter().flat_map(|(m, d, v)| (1..=24).map(move |h| row(m, d, h, 60, v))),
+        )
     };
     let noon = HourRange { from: 12.5, to: 12.5, step: 1.0 };
     let seen = |year, from, to, weather| {
         let line = timeline(&HERE, &days(year, from, to, noon.clone(), weather))?;
         Ok::<_, glintmap::sky::Error>(
-            line.steps.iter().map(|s| (s.irradiance_w_m2 / 10.0).round() * 10.0).collect::<Vec<_>>(),
+            line.steps
+                .iter()
+                .map(|s| (s.irradiance_w_m2 / 10.0).round() * 10.0)
+                .collect::<Vec<_>>(),
         )
     };
     let with = of(&[(2, 28, 200.0), (2, 29, 400.0), (3, 1, 600.0)]);
@@ -89,7 +95,8 @@ fn instants_of_pvgis_are_utcs() {
     let off = |shift_h: f64| {
         let lit = |i: usize| {
             let local_h = (i % 24) as f64 + 1.0 + shift_h + 1.0;
-            let sun = glintmap::sky::sun_direction(&place, SunModel::Spa, 2025, i as u32 / 24, local_h);
+            let sun =
+                glintmap::sky::sun_direction(&place, SunModel::Spa, 2025, i as u32 / 24, local_h);
             sun.z.asin().to_degrees()
         };
         let wrong = |(i, r): (usize, &(f64, f64))| {
@@ -103,7 +110,8 @@ fn instants_of_pvgis_are_utcs() {
     // At the instants themselves the file's values come out: 11:10:34 UTC on 21 June.
     let hour = 12.0 - 0.8239 + 1.0;
     let hours = HourRange { from: hour, to: hour + 0.5, step: 1.0 };
-    let steps = timeline(&place, &days(2025, 171, 171, hours, weather.clone())).expect("noon").steps;
+    let steps =
+        timeline(&place, &days(2025, 171, 171, hours, weather.clone())).expect("noon").steps;
     assert!((steps[0].irradiance_w_m2 - 804.04).abs() < 1.0, "{}", steps[0].irradiance_w_m2);
     // Halfway between two of them it lies between.
     let hours = HourRange { from: hour + 2.5, to: hour + 3.0, step: 1.0 };

@@ -25,8 +25,11 @@ pub(in crate::run) fn render(job: &mut Job<'_>) -> Result<(), Error> {
         hits(job, view)?;
         background(job, view)?;
     }
+    for set in &resolved.sensors {
+        super::receivers::place(job, set)?;
+    }
     for candidate in &resolved.candidates {
-        for view in &resolved.views {
+        for view in resolved.with_sensors() {
             maps(job, candidate, view)?;
         }
     }
@@ -45,7 +48,7 @@ fn hits(job: &mut Job<'_>, view: &PlannedView) -> Result<(), Error> {
     let name = job.folder.hits(&view.name);
     let path = job.folder.prepare(&name)?;
     let provenance = job.provenance(&key, &[("view", &view.name)]);
-    hits.write(&path, &view.view, trace.max_path_m, &provenance)?;
+    hits.write(&path, &view.view.to_options(), trace.max_path_m, &provenance)?;
     job.done(&unit, &key, &[name], began, json!({ "pixels": hits.hits.len() }))
 }
 
@@ -118,7 +121,7 @@ fn maps(job: &mut Job<'_>, candidate: &Candidate, view: &PlannedView) -> Result<
     let series_name = job.folder.series(&candidate.name, &view.name);
     let series_path = job.folder.prepare(&series_name)?;
     let provenance = job.provenance(&key, &about);
-    let (columns, rows) = (view.view.columns(), view.view.rows());
+    let (columns, rows) = (hits.columns, hits.rows);
     let create = |timeline| {
         Writer::create_or_resume(
             &series_path,
@@ -179,11 +182,13 @@ fn annual(
     ];
     exr::write(&path, &channels, &attributes(job, key, about))?;
     let grey = annual.surface.map(|v| [*v; 3]);
-    let lines = [
+    let mut lines = vec![
         format!("SOFTWARE= {}", crate::base::Provenance::PROGRAM),
         "annual radiant exposure, Wh/m2".to_owned(),
-        view.view.to_view_line(),
     ];
+    if view.points.is_none() {
+        lines.push(view.view.to_view_line());
+    }
     hdr::write(&job.folder.at(&name("annual.hdr")), &grey, &lines)?;
     let npy = job.folder.at(&name("annual.npy"));
     glintmap_formats::npy::write(

@@ -3,12 +3,12 @@
 use super::*;
 
 /// How often each reader is fed with damaged files: `GLINTMAP_FUZZ` sets it.
-fn executions() -> u64 {
+pub fn executions() -> u64 {
     std::env::var("GLINTMAP_FUZZ").ok().and_then(|n| n.parse().ok()).unwrap_or(400)
 }
 
 /// Damages bytes: bits, digits, cuts, repeats, words swapped.
-fn damage(bytes: &mut Vec<u8>, random: &mut Stream) {
+pub fn damage(bytes: &mut Vec<u8>, random: &mut Stream) {
     let mut below = |n: usize| (random.uniform() * n as f64) as usize;
     for _ in 0..1 + below(5) {
         if bytes.is_empty() {
@@ -45,7 +45,7 @@ fn damage(bytes: &mut Vec<u8>, random: &mut Stream) {
 }
 
 #[test]
-fn damaged_files_of_every_format_never_panic() {
+pub fn damaged_files_of_every_format_never_panic() {
     let files = Files::new();
     files
         .write("part.rad", "void plastic leaf 0 0 5 .1 .3 .1 0 0\nleaf sphere top 0 0 4 0 0 2 1\n");

@@ -67,6 +67,9 @@ fn peak_bytes() -> u64 {
 
 /// Damages each seed and reads it, with the files beside it.
 fn torture(seeds: &[(&str, Vec<u8>)], beside: &[(&str, &str)], usual: u64) {
+    if seeds.is_empty() {
+        return;
+    }
     let before = peak_bytes();
     let (mut read, mut refused) = (0, 0);
     for (seed, (name, bytes)) in seeds.iter().enumerate() {
@@ -103,7 +106,7 @@ fn torture(seeds: &[(&str, Vec<u8>)], beside: &[(&str, &str)], usual: u64) {
         }
     }
     eprintln!("{read} read, {refused} refused, peak {} MiB", peak_bytes() >> 20);
-    assert!(read > usual / 10 && refused > usual / 10, "{read} read, {refused} refused");
+    assert!(read > usual / 20 && refused > usual / 20, "{read} read, {refused} refused");
     // By itself, so that nothing else counts.
     if executions().is_some() {
         assert!(peak_bytes() - before < 2 << 30, "{} bytes", peak_bytes());
@@ -120,10 +123,9 @@ red instance i 3 part.rad -s 2 0 0
 
 #[test]
 fn damaged_radiance_files() {
-    let seeds = [
-        ("f.rad", COMMANDS.as_bytes().to_vec()),
-        ("s.rad", super::super::site::SCENE.as_bytes().to_vec()),
-    ];
+    // A small tree: most of the time would go into its triangles.
+    let scene = super::super::site::SCENE.replace("-8 0 3 2\n", "-8 0 3 .3\n");
+    let seeds = [("f.rad", COMMANDS.as_bytes().to_vec()), ("s.rad", scene.into_bytes())];
     let part = "void plastic leaf 0 0 5 .1 .3 .1 0 0\nleaf ring top 0 0 8 0 0 2 0 0 1 1 .5\n";
     let beside = [("part.rad", part), ("m.obj", OBJ), ("args", "-t 1 0 0\n-mx -a 2 -rz 90\n")];
     torture(&seeds, &beside, 400);
@@ -132,21 +134,26 @@ fn damaged_radiance_files() {
 #[test]
 fn damaged_city_models() {
     let house = super::super::site::house(super::super::site::ROOF_AND_GROUND);
-    let (head, feature) = (house.replace("\n", ""), house.replace("\n", ""));
-    let lines = format!("{head}\n{}\n", feature.replace("\"CityJSON\"", "\"CityJSONFeature\""));
-    let mut seeds = vec![
+    let line = house.replace('\n', "");
+    let feature = line.replace("\"CityJSON\"", "\"CityJSONFeature\"");
+    let feature = feature.replace("\"B\"", "\"C\"").replace("\"P\"", "\"Q\"");
+    let lines = format!("{line}\n{feature}\n");
+    let seeds = [
         ("f.city.json", house.into_bytes()),
         ("f.city.jsonl", lines.into_bytes()),
         ("t.city.json", super::super::site::TEMPLATES.as_bytes().to_vec()),
     ];
+    torture(&seeds, &[], 300);
+    // Real ones are too long for the long run.
+    let mut real = Vec::new();
     for name in ["3dbag_b2.city.json", "3dbag_b2.city.jsonl"] {
-        if let Some(path) =
-            support::data(&format!("city/{name}")).filter(|_| executions().is_none())
-        {
-            seeds.push((name, fs::read(path).unwrap()));
+        if let Some(path) = support::data(&format!("city/{name}")) {
+            real.push((name, fs::read(path).unwrap()));
         }
     }
-    torture(&seeds, &[], 200);
+    if executions().is_none() {
+        torture(&real, &[], 100);
+    }
 }
 
 #[test]
@@ -168,15 +175,17 @@ fn damaged_meshes() {
 
 #[test]
 fn damaged_terrain() {
-    let mut seeds = vec![
-        ("f.asc", asc(9, 7, [10.0, 20.0], 2.0, |x, y| x * y * 0.01).into_bytes()),
-        ("w.tif", geotiff::small()),
-    ];
+    let asc = asc(9, 7, [10.0, 20.0], 2.0, |x, y| x * y * 0.01).into_bytes();
+    let [tiles, strips] = geotiff::seeds();
+    torture(&[("f.asc", asc), ("t.tif", tiles), ("s.tif", strips)], &[], 300);
+    let mut real = Vec::new();
     for name in ["tie_point_and_pixel_scale_pixel_is_point", "transformation_pixel_is_area"] {
         let name = format!("terrain/geotags/austrian_capitals_model_{name}.tif");
         if let Some(path) = support::data(&name) {
-            seeds.push(("f.tif", fs::read(path).unwrap()));
+            real.push(("f.tif", fs::read(path).unwrap()));
         }
     }
-    torture(&seeds, &[], 300);
+    if executions().is_none() {
+        torture(&real, &[], 50);
+    }
 }

@@ -275,8 +275,15 @@ fn geotiffs_of_every_layout_stand_where_they_say() {
     assert_eq!(tried, 90);
 }
 
-/// One to be damaged.
-pub(super) fn small() -> Vec<u8> {
-    let (sample, packing) = (Sample::F32, Packing::Lzw);
-    tiff(Kind { sample, packing, predictor: true, tiled: true, place: Place::Turned })
+/// Some to be damaged.
+pub(super) fn seeds() -> [Vec<u8>; 2] {
+    let tiles = Kind {
+        sample: Sample::F32,
+        packing: Packing::Lzw,
+        predictor: true,
+        tiled: true,
+        place: Place::Turned,
+    };
+    let (sample, packing) = (Sample::I16, Packing::Deflate);
+    [tiff(tiles), tiff(Kind { sample, packing, tiled: false, place: Place::Point, ..tiles })]
 }

@@ -17,6 +17,7 @@ use super::resolve::Resolved;
 use super::shard::Shard;
 use super::units::{Planned, units};
 use crate::base::{Finding, Progress, Provenance, Severity, Timeline};
+use crate::pages::CacheStats;
 use crate::site::Site;
 
 /// The stages of a run, in their order.
@@ -101,6 +102,8 @@ pub struct Summary {
     pub current: Vec<String>,
     /// What the user should know: warnings of the site, the noise, the draft.
     pub warnings: Vec<String>,
+    /// What the caches of photon pages did, all together.
+    pub page_cache: CacheStats,
     /// Where the results lie.
     pub folder: PathBuf,
     /// Whether verdicts and pictures are a draft.
@@ -264,6 +267,10 @@ impl Job<'_> {
     pub fn note(&mut self, unit: &str, began: Instant, mut facts: Value) -> Result<(), Error> {
         if let Some(object) = facts.as_object_mut() {
             object.insert("took_s".into(), began.elapsed().as_secs_f64().into());
+        }
+        // Of what read photons, the log and the summary tell how the cache did.
+        if let Some(stats) = facts.get("cache").and_then(|c| CacheStats::deserialize(c).ok()) {
+            self.summary.page_cache.add(&stats);
         }
         self.log.note(unit, &facts)?;
         self.summary.made.push(unit.into());

@@ -5,7 +5,7 @@ use std::fmt;
 
 use glam::{DVec3, Vec3};
 
-use super::{Loaded, Site, Source, azimuth_deg, tilt_deg};
+use super::{Loaded, North, Site, Source, azimuth_deg, tilt_deg};
 use crate::base::{Aabb, Finding, Place, Severity};
 
 /// How far from the PV ground is looked for, m: the paper's path limit.
@@ -41,6 +41,8 @@ pub struct Summary {
     pub crs: Option<String>,
     /// Map coordinates of the local origin, m.
     pub origin_m: DVec3,
+    /// Where true north lies in the files' coordinates.
+    pub north: North,
     /// Extent, metres from the local origin.
     pub extent_m: Aabb,
     /// Surfaces by what the source says they are, and by material.
@@ -91,6 +93,7 @@ pub fn summarise(site: &Site) -> Summary {
         triangles: site.triangles.len(),
         crs: None,
         origin_m: site.origin,
+        north: North::default(),
         extent_m: site.bounds,
         kinds: kinds(site),
         pv: (0..site.pv.len()).map(|i| pv(site, i)).collect(),
@@ -101,7 +104,7 @@ pub fn summarise(site: &Site) -> Summary {
 /// Sums up a scene and its files.
 pub fn summarise_loaded(loaded: &Loaded) -> Summary {
     let (files, crs) = (loaded.sources.clone(), loaded.crs.clone());
-    Summary { files, crs, ..summarise(&loaded.site) }
+    Summary { files, crs, north: loaded.north.clone(), ..summarise(&loaded.site) }
 }
 
 impl fmt::Display for Summary {
@@ -123,6 +126,7 @@ impl fmt::Display for Summary {
             write!(f, "local origin = map ({:.3}, {:.3}, {:.3})", o.x, o.y, o.z)?;
             writeln!(f, "{}", self.crs.as_ref().map_or_else(String::new, |c| format!(", {c}")))?;
         }
+        writeln!(f, "true north: {}", self.north)?;
         writeln!(f, "\nsurfaces")?;
         for k in &self.kinds {
             writeln!(
@@ -213,6 +217,14 @@ pub fn doubts(site: &Site, reach_m: f64) -> Vec<Finding> {
     if !LIKELY_SIZE_M.contains(&size) {
         warn("", format!("the scene is {size} m large; is its unit the metre?"));
     }
+    if let Some(axis) = likely_up(site) {
+        warn(
+            "",
+            format!(
+                "most of its area faces along {axis}, next to nothing up or down: is {axis} the axis that points up? State it (up = \"{axis}\"; --up {axis} of `new`)"
+            ),
+        );
+    }
     let share = missing_ground(site, reach_m);
     if share > MISSING_SHARE {
         warn(
@@ -247,6 +259,22 @@ pub fn doubts(site: &Site, reach_m: f64) -> Vec<Finding> {
         );
     }
     out
+}
+
+/// Another axis than z that seems to point up: ground, roofs and floors are most of a scene's area.
+fn likely_up(site: &Site) -> Option<char> {
+    let mut along = [0.0_f64; 3];
+    let mut all = 0.0;
+    for triangle in &site.triangles {
+        let (normal, area_m2) = (triangle.normal().abs(), f64::from(triangle.area_m2()));
+        all += area_m2;
+        if let Some(axis) = (0..3).find(|&k| normal[k] > 0.9) {
+            along[axis] += area_m2;
+        }
+    }
+    let suspects = ['x', 'y'].into_iter().zip(along);
+    let upright = along[2] < 0.1 * all;
+    suspects.filter(|(_, area_m2)| upright && *area_m2 > 0.6 * all).map(|(axis, _)| axis).next()
 }
 
 /// Share of the disc around the PV, seen from above, under which no surface lies. Asked on a grid

@@ -22,7 +22,7 @@ impl PhotonSink for Kept {
 }
 
 /// Photons are counted in discs of this radius, m.
-const RADIUS_M: f64 = 1.0;
+const RADIUS_M: f64 = 1.5;
 
 /// Places of a disc on the plane, each for the same share of it.
 fn disc(position: DVec3, normal: DVec3) -> Vec<DVec3> {
@@ -42,11 +42,11 @@ fn disc(position: DVec3, normal: DVec3) -> Vec<DVec3> {
 fn photons_and_direct_integration_agree_within_their_noise() {
     let folder = root().join("fixtures/projects/case-study");
     let mut resolved = Resolved::read(&folder, &[], 1 << 30).expect("reads");
-    resolved.times.days = DayRange { from: 3, to: 181, step: 20 };
+    resolved.times.days = DayRange { from: 3, to: 181, step: 30 };
     let site = Site::load(&resolved.scene, &resolved.pv).expect("loads");
     let timeline = sky::timeline(&resolved.place, &resolved.times).expect("has suns");
-    let settings = Settings { stored: 600_000, ..resolved.trace };
-    let view = View::parse("-vtl -vp 0 0 200 -vd 0 0 -1 -vu 0 1 0 -vh 160 -vv 160", 34, 34)
+    let settings = Settings { stored: 400_000, ..resolved.trace };
+    let view = View::parse("-vtl -vp -35 0 200 -vd 0 0 -1 -vu 0 1 0 -vh 70 -vv 70", 18, 18)
         .expect("a view");
     let hits = hits(&view, &site, 100.0, 1, &Silent).expect("hits");
     let sight = PvSight::new(&site, &timeline, true, &Silent).expect("looks");
@@ -117,7 +117,7 @@ fn photons_and_direct_integration_agree_within_their_noise() {
         }
         let ratio = sums[0] / sums[1];
         println!("{name}: {compared} discs, {outside} outside 4 standard errors, ratio {ratio:.4}");
-        assert!(compared > 100, "{compared} discs");
+        assert!(compared > 30, "{compared} discs");
         assert!(outside * 100 <= compared, "{outside} of {compared}");
         // All discs together hold some ten thousand photons.
         assert!((ratio - 1.0).abs() < 0.03, "{ratio}");

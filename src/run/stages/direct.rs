@@ -9,7 +9,7 @@ use serde_json::json;
 use super::render::{attributes, peak, read_hits, writer};
 use crate::base::{Grid, SinkError, TileRect, limits, tiles};
 use crate::picture::{exr, hdr};
-use crate::render::{self, Direct, DirectScene, PvSight, TileYear};
+use crate::render::{self, Direct, DirectScene, HitMap, PvSight, TileYear};
 use crate::run::job::{Job, Stage};
 use crate::run::resolve::{Candidate, PlannedView};
 use crate::run::{Error, Folder};
@@ -32,7 +32,7 @@ pub(super) fn maps(
     let waiting = job.folder.waiting_tiles(&candidate.name, &view.name);
     let folder = job.folder.prepare(&waiting.join("tile"))?;
     let folder = folder.parent().unwrap_or(Path::new("")).to_owned();
-    let writer = writer(job, candidate, view, &key)?;
+    let writer = writer(job, candidate, view, &key, &hits)?;
     let site = job.site()?;
     let scene = DirectScene {
         site,
@@ -58,7 +58,7 @@ pub(super) fn maps(
     let told = render::direct_series(&direct, &hits, quantity, &writer, &keep, job.progress)?;
     job.progress.finish();
     let written = writer.finish()?;
-    let mut outputs = annual(job, &folder, candidate, view, &key)?;
+    let mut outputs = annual(job, &folder, &hits, candidate, view, &key)?;
     outputs.push(job.folder.series(&candidate.name, &view.name));
     let about = [("material", candidate.name.as_str()), ("view", view.name.as_str())];
     outputs.push(peak(job, candidate, view, &key, &about)?);
@@ -70,11 +70,12 @@ pub(super) fn maps(
 fn annual(
     job: &Job<'_>,
     folder: &Path,
+    hits: &HitMap,
     candidate: &Candidate,
     view: &PlannedView,
     key: &str,
 ) -> Result<Vec<PathBuf>, Error> {
-    let (columns, rows) = (view.view.columns(), view.view.rows());
+    let (columns, rows) = (hits.columns, hits.rows);
     let empty = || Grid::filled(columns, rows, 0.0_f32);
     let mut maps = [empty(), empty(), empty()];
     for tile in tiles(columns, rows, limits::TILE_EDGE) {
@@ -95,11 +96,13 @@ fn annual(
         &[("annual.wh_m2", surface), ("annual_normal.wh_m2", normal), ("error.wh_m2", error)],
         &attributes(job, key, &about),
     )?;
-    let lines = [
+    let mut lines = vec![
         format!("SOFTWARE= {}", crate::base::Provenance::PROGRAM),
         "annual radiant exposure, Wh/m2".to_owned(),
-        view.view.to_view_line(),
     ];
+    if view.points.is_none() {
+        lines.push(view.view.to_view_line());
+    }
     hdr::write(&job.folder.at(&name("annual.hdr")), &surface.map(|v| [*v; 3]), &lines)?;
     npy::write(&job.folder.at(&name("annual.npy")), &[rows, columns], surface.data())?;
     Ok(vec![name("annual.exr"), name("annual.hdr"), name("annual.npy")])

@@ -22,6 +22,7 @@ mod shard;
 mod stages;
 mod units;
 mod verify;
+mod words;
 
 pub use clean::{Cleaned, Part, Usage, clean};
 pub use clock::Clock;
@@ -35,4 +36,5 @@ pub use resolve::{Candidate, DRAFT_BELOW_PHOTONS, PlannedView, Resolved};
 pub use runner::run;
 pub use set::Assignment;
 pub use shard::Shard;
+pub use stages::Judgement;
 pub use verify::verify;

@@ -54,11 +54,6 @@ impl Group {
     pub fn points(&self) -> usize {
         self.area_m2.len()
     }
-
-    /// How many of them stand on a surface, so that photons land there.
-    pub fn on_surfaces(&self) -> usize {
-        self.footing.iter().filter(|f| **f == Footing::Surface).count()
-    }
 }
 
 /// `points.json`: whose points the pixels of a set are.

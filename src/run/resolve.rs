@@ -33,6 +33,9 @@ pub enum Made {
     File {
         /// Hash of the file.
         bsdf: String,
+        /// Its name, without its folder.
+        #[serde(skip)]
+        name: String,
         /// The side.
         side: Side,
         /// The light that was asked for.
@@ -182,6 +185,34 @@ impl Resolved {
     /// Number of thresholds that glare is analysed at.
     pub fn glare_thresholds(&self) -> usize {
         self.project.glare.thresholds_w_m2.len()
+    }
+
+    /// Hash of each file that decides an output, by its name: of the scene, and where it is a
+    /// material's, of its BSDF files and the weather.
+    pub fn inputs_of(&self, about: &[(&str, &str)]) -> BTreeMap<String, String> {
+        let mut inputs = self.inputs.clone();
+        let name = about.iter().find(|(key, _)| *key == "material").map(|(_, name)| *name);
+        let Some(candidate) = self.candidates.iter().find(|c| Some(c.name.as_str()) == name) else {
+            return inputs;
+        };
+        let mut add = |name: String, hash: &String| {
+            let mut free = name.clone();
+            let mut number = 1;
+            while inputs.get(&free).is_some_and(|known| known != hash) {
+                number += 1;
+                free = format!("{name} ({number})");
+            }
+            inputs.insert(free, hash.clone());
+        };
+        for made in &candidate.models {
+            if let Made::File { bsdf, name, .. } = made {
+                add(name.clone(), bsdf);
+            }
+        }
+        if let Some(hash) = &self.weather {
+            add("weather".to_owned(), hash);
+        }
+        inputs
     }
 
     /// What decides the scene.

@@ -167,6 +167,7 @@ impl Bvh {
         if self.triangles.is_empty() {
             return None;
         }
+        let direction = without_minus_zero(direction);
         let sheared = Sheared::new(origin, direction);
         let ray = obvhs::ray::Ray::new(origin.into(), direction.into(), min_m, max_m);
         let mut hit = obvhs::ray::RayHit::none();
@@ -195,6 +196,7 @@ impl Bvh {
         if self.triangles.is_empty() {
             return false;
         }
+        let direction = without_minus_zero(direction);
         let sheared = Sheared::new(origin, direction);
         let ray = obvhs::ray::Ray::new(origin.into(), direction.into(), min_m, max_m);
         let mut found = false;
@@ -209,6 +211,12 @@ impl Bvh {
         });
         found
     }
+}
+
+/// The traversal takes the side of a direction's zero from its sign in one place and from a
+/// comparison in another: a ray along an axis with -0 in it would miss everything.
+fn without_minus_zero(direction: Vec3) -> Vec3 {
+    direction + Vec3::ZERO
 }
 
 /// What the triangle test needs of a ray: a shear that turns the ray into the z axis (Woop, Benthin,

@@ -5,7 +5,7 @@ use serde_json::json;
 
 use super::Context;
 use crate::base::limits::MAX_FINDINGS_SHOWN;
-use crate::run::{Assignment, Resolved};
+use crate::run::{Assignment, Resolved, receivers};
 use crate::site::{Site, check};
 use crate::sky;
 
@@ -30,6 +30,10 @@ pub(super) fn run(arguments: &Arguments, context: &Context) -> anyhow::Result<()
     // Writing into a String can't fail.
     let _ = writeln!(text, "{} timesteps with the sun above the horizon", timeline.steps.len());
     let _ = writeln!(text, "materials: {}", names.join(", "));
+    let receivers = receivers(&resolved, &site)?;
+    for line in &receivers {
+        let _ = writeln!(text, "{line}");
+    }
     for candidate in &resolved.candidates {
         for note in &candidate.notes {
             let _ = writeln!(text, "note: {}: {note}", candidate.name);
@@ -46,6 +50,7 @@ pub(super) fn run(arguments: &Arguments, context: &Context) -> anyhow::Result<()
         "site": summary,
         "timesteps": timeline.steps.len(),
         "materials": names,
+        "receivers": receivers,
         "findings": site.findings,
     });
     context.print(&document, &text)

@@ -31,6 +31,7 @@ pub use error::Error;
 pub use estimate::{Estimate, StageEstimate, bytes_in_words, estimate};
 pub use folder::Folder;
 pub use job::{Options, Stage, Summary};
+pub use points::receivers;
 pub use project::Project;
 pub use resolve::{Candidate, DRAFT_BELOW_PHOTONS, PlannedView, Resolved};
 pub use runner::run;

@@ -90,6 +90,8 @@ pub enum Points {
     Receivers,
 }
 
+/// Points of a region, about, before it is looked up in the scene.
+const POINTS_OF_A_REGION: usize = 500;
 /// The set of all observers and regions.
 pub const RECEIVERS: &str = "receivers";
 
@@ -170,6 +172,18 @@ impl Resolved {
     /// The pictures, then the sets of points.
     pub fn with_sensors(&self) -> impl Iterator<Item = &PlannedView> {
         self.views.iter().chain(&self.sensors)
+    }
+
+    /// How many pixels a view has, or points a set; of regions about how many, as that is known
+    /// once they are looked up in the scene.
+    pub fn pixels(&self, view: &PlannedView) -> usize {
+        match &view.points {
+            None => view.view.columns() * view.view.rows(),
+            Some(Points::File { sensors, .. }) => sensors.len(),
+            Some(Points::Receivers) => {
+                self.project.observer.len() + POINTS_OF_A_REGION * self.project.region.len()
+            }
+        }
     }
 
     /// Where results lie.
@@ -342,7 +356,10 @@ impl Resolved {
         let thresholds = &self.project.glare.thresholds_w_m2;
         let glare: Vec<String> =
             thresholds.iter().map(|t| self.glare_key(&render, *t)).collect::<Result<_, _>>()?;
-        // Dates and clock times stand in the tables.
-        key_of("received", &(glare, &self.project.site.timezone, self.project.site.meridian))
+        // Dates and clock times stand in the tables; outdoors not all of them count.
+        let p = &self.project;
+        let observers = p.observer.iter().map(|o| o.class);
+        let classes: Vec<_> = observers.chain(p.region.iter().map(|r| r.class)).collect();
+        key_of("received", &(glare, classes, &p.site.timezone, p.site.meridian))
     }
 }

@@ -315,6 +315,22 @@ mod tests {
         best
     }
 
+    /// Seen first where sensors looked for the wall behind them: `-normal` of an axis holds -0.
+    #[test]
+    fn a_zero_has_no_sign() {
+        let [a, b, c] = [Vec3::new(0.0, -9.0, -9.0), Vec3::new(0.0, 9.0, -9.0), Vec3::Z * 9.0];
+        let mut triangles = soup(40, 1.0, 7);
+        triangles.iter_mut().for_each(|t| t.corners = t.corners.map(|p| p + Vec3::X * 50.0));
+        triangles.push(Triangle { corners: [a, b, c], face: 0 });
+        let bvh = Bvh::build(&triangles);
+        let origin = Vec3::new(1.0, 0.0, 0.0);
+        for direction in [Vec3::NEG_X, -Vec3::X, Vec3::new(-1.0, 0.0, -0.0)] {
+            let found = bvh.closest(origin, direction, 0.0, 2.0);
+            assert_eq!(found.map(|f| f.triangle), Some(40), "{direction:?}");
+            assert!(bvh.occluded(origin, direction, 0.0, 2.0), "{direction:?}");
+        }
+    }
+
     #[test]
     fn finds_what_a_linear_search_finds_within_its_limits() {
         let triangles = soup(700, 3.0, 5);

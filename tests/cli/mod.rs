@@ -3,3 +3,4 @@
 mod commands;
 mod folder;
 mod real_site;
+mod receivers;

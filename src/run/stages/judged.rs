@@ -358,6 +358,6 @@ pub(super) fn told(clock: &Clock, group: &GroupReceived) -> Vec<String> {
 }
 
 /// The set of observers and regions, if there is one.
-pub(super) fn receivers<'a>(job: &'a Job<'_>) -> Option<&'a PlannedView> {
+pub(in crate::run) fn receivers<'a>(job: &'a Job<'_>) -> Option<&'a PlannedView> {
     job.resolved.sensors.iter().find(|s| s.name == RECEIVERS)
 }

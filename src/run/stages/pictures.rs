@@ -265,22 +265,13 @@ fn unfiltered(
     out: &mut Vec<Quantity>,
 ) -> Result<(), Error> {
     let thresholds = &job.resolved.project.glare.thresholds_w_m2;
-    for (file, channel, title, meaning, unit) in [
-        (
-            "longest_day_h",
-            "longest_day.h",
-            "Glare on the worst day",
-            "The most time above the threshold on any one day.",
-            "h",
-        ),
-        (
-            "days",
-            "days.d",
-            "Days with glare",
-            "Computed days with any time above the threshold.",
-            "days",
-        ),
-    ] {
+    for (file, channel, title, meaning, unit) in [(
+        "longest_day_h",
+        "longest_day.h",
+        "Glare on the worst day",
+        "The most time above the threshold on any one day.",
+        "h",
+    )] {
         let mut grids = Vec::new();
         for t in thresholds {
             grids.extend(all(job, &format!("glare-{t}/unfiltered/{file}"), channel)?);

@@ -104,7 +104,7 @@ impl Chart {
         if !self.y.label.is_empty() {
             let style = Style::new(0.82 * EM, SOFT_INK);
             y = paragraph(&mut lines, &letters, &self.y.label, style, (MARGIN, y), width);
-            y += 0.2 * EM;
+            y += 0.6 * EM;
         }
         let plot = Rect { x: left as i64, y: y.round() as i64, width: PLOT[0], height: PLOT[1] };
         y = plot.bottom() as f64;

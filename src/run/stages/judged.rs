@@ -6,7 +6,9 @@ use glintmap_formats::seal;
 use serde::{Deserialize, Serialize};
 
 use super::receivers::read_received;
-use crate::glare::rules::{Class, Limit, Measured, Metrics, Outcome, Profile, Quantity, Verdict};
+use crate::glare::rules::{
+    Class, Judged, Limit, Measured, Metrics, Outcome, Profile, Quantity, Verdict,
+};
 use crate::run::Error;
 use crate::run::clock::Clock;
 use crate::run::job::Job;
@@ -139,9 +141,9 @@ fn times(at: &AtThreshold, threshold_w_m2: Option<f64>, half_year: bool) -> Vec<
         banded(Quantity::LongestRunMin, at.longest_run_h, 60.0),
         banded(Quantity::SustainedMin, at.longest_run_h, 60.0),
         banded(Quantity::DailyTotalMin, at.longest_day_h, 60.0),
-        filtered(Quantity::AnnualH, at.filtered_hours),
-        filtered(Quantity::SustainedMin, at.filtered_run_h * 60.0),
-        filtered(Quantity::LongestRunMin, at.filtered_run_h * 60.0),
+        filtered(Quantity::AnnualH, at.filtered_hours, at.hours, 1.0),
+        filtered(Quantity::SustainedMin, at.filtered_run_h, at.longest_run_h, 60.0),
+        filtered(Quantity::LongestRunMin, at.filtered_run_h, at.longest_run_h, 60.0),
     ];
     // The months of the mirrored half aren't known.
     if !half_year {
@@ -219,24 +221,19 @@ fn sentence(job: &Job<'_>, group: &GroupReceived, profile: &Profile, verdict: &V
             .zip(&verdict.limits)
             .filter(move |(l, j)| !l.only_informs && !l.only_excuses && j.outcome == outcome)
     };
-    let said = |(limit, judged): (&Limit, &crate::glare::rules::Judged)| {
-        let mut text = String::new();
-        if let Some(value) = judged.value {
-            text = format!("{} {}", number(value, limit.quantity), limit.quantity.words());
-            if let Some([low, high]) = judged.band.filter(|[low, high]| low < high) {
-                let (low, high) = (number(low, limit.quantity), number(high, limit.quantity));
-                text += &format!(" (within the noise {low} to {high})");
-            }
-            if limit.quantity.is_time() {
-                text += &above(group, limit);
-            }
-            text += &format!(
-                ", where {} {} is too much",
-                limit.operator.words(),
-                number(limit.value, limit.quantity)
-            );
+    let said = |(limit, judged): (&Limit, &Judged)| {
+        let show = |v: f64| number(v, limit.quantity);
+        let mut text = limit.quantity.words().to_owned();
+        if limit.quantity.is_time() {
+            text += &above(group, limit);
         }
-        text
+        if let Some(value) = judged.value {
+            text += &format!(": {}", show(value));
+        }
+        if let Some([low, high]) = judged.band.filter(|[low, high]| low < high) {
+            text += &format!(" ({} to {} within the noise)", show(low), show(high));
+        }
+        text + &format!(", {} {} is too much", limit.operator.words(), show(limit.value))
     };
     let mut text = match verdict.outcome {
         Outcome::Exceeded => {

@@ -70,7 +70,7 @@ fn one(
     let mut thresholds = job.resolved.project.glare.thresholds_w_m2.clone();
     thresholds.sort_by(f64::total_cmp);
     let texts = super::texts(job);
-    let mut chart = board.chart(&format!("{}: when {} is lit", group.name, candidate.name));
+    let mut chart = board.chart(&format!("{}: light from “{}”", group.name, candidate.name));
     board.by_strength(&mut chart, &lit, &thresholds);
     let png = name(".png");
     chart.write_png(&job.folder.at(&png), &texts)?;
@@ -79,7 +79,7 @@ fn one(
     let dazzling: Vec<&Lit> = lit.iter().filter(|l| l.strongest_w_m2 > lowest).collect();
     let several = dazzling.iter().any(|l| l.surface != dazzling[0].surface);
     if several {
-        let title = format!("{}: which PV of {} dazzles", group.name, candidate.name);
+        let title = format!("{}: which PV of “{}” dazzles", group.name, candidate.name);
         let mut chart = board.chart(&title);
         board.by_surface(&mut chart, &dazzling, lowest);
         let png = name("-pv.png");
@@ -163,7 +163,7 @@ impl<'a> Board<'a> {
         }
         if self.days > 1.0 {
             caption.push(format!(
-                "Every {} days were computed; each stands for those after it.",
+                "Every {}th day was computed; it stands for those after it.",
                 self.days
             ));
         }
@@ -200,6 +200,7 @@ impl<'a> Board<'a> {
             order.iter().filter_map(|l| self.cell(l.timestep, color(level(l.strongest_w_m2)))),
         );
         let swatch = |color, label: String| Swatch { color, label };
+        chart.key.push(swatch(NIGHT, "night, or not computed".into()));
         chart.key.push(swatch(DAYLIGHT, "sun above the horizon".into()));
         match thresholds.first() {
             Some(t) => chart.key.push(swatch(BELOW, format!("lit, at most {t} W/m²"))),

@@ -63,6 +63,16 @@ pub enum Error {
         /// Timesteps of the volume.
         timesteps: usize,
     },
+    /// A piece of another year than the session was begun with.
+    #[error(
+        "slices of a volume of {found:?} were handed to an analysis of {expected:?} (timesteps, rows, columns)"
+    )]
+    Source {
+        /// The year's shape.
+        expected: [usize; 3],
+        /// The source's shape.
+        found: [usize; 3],
+    },
     /// A calendar that doesn't fit the volume.
     #[error("the volume's calendar has {found} entries for {timesteps} timesteps")]
     Calendar {

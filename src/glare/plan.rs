@@ -2,6 +2,7 @@ use super::duration::Durations;
 use super::error::Error;
 use super::settings::Settings;
 use super::smooth::Smoother;
+use super::stream::checked;
 use super::track::Yearly;
 
 /// Timesteps that are filtered together: each slice of the window is then fetched from memory
@@ -25,33 +26,43 @@ pub struct Plan {
     pub events_bytes: u64,
 }
 
-/// What decides how much memory is needed.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Demand {
-    pub shape: [usize; 3],
-    /// Radius of the filter along t and y.
-    pub radius: [usize; 2],
-    pub chunk_timesteps: usize,
-    pub calendar: bool,
-    pub keep: bool,
-    pub threads: usize,
-}
-
-impl Demand {
+impl Plan {
+    /// The steps for a year of `shape`, `[timestep, row, column]`, whose slices are best read
+    /// `chunk_timesteps` at a time; `calendar` and `keep`: whether the calendar is known and the
+    /// filtered volume is wanted.
+    ///
+    /// # Errors
+    /// Settings or a shape out of range, a memory limit that is too low.
     pub fn new(
         shape: [usize; 3],
-        smoother: &Smoother,
         chunk_timesteps: usize,
         calendar: bool,
         keep: bool,
-    ) -> Self {
+        settings: &Settings,
+    ) -> Result<Self, Error> {
+        let shape = checked(shape)?;
+        let smoother = Smoother::new(settings)?;
         let radius = [smoother.t.radius(), smoother.y.radius()];
         let threads = rayon::current_num_threads();
-        Self { shape, radius, chunk_timesteps, calendar, keep, threads }
+        Demand { shape, radius, chunk_timesteps, calendar, keep, threads }.plan(settings)
     }
+}
 
+/// What decides how much memory is needed.
+#[derive(Clone, Copy, Debug)]
+struct Demand {
+    shape: [usize; 3],
+    /// Radius of the filter along t and y.
+    radius: [usize; 2],
+    chunk_timesteps: usize,
+    calendar: bool,
+    keep: bool,
+    threads: usize,
+}
+
+impl Demand {
     /// The steps that fit into the memory limit and use it best.
-    pub fn plan(&self, settings: &Settings) -> Result<Plan, Error> {
+    fn plan(&self, settings: &Settings) -> Result<Plan, Error> {
         let slice_bytes = 4 * self.pixels();
         let small = usize::try_from(SMALL_BLOCK_BYTES / slice_bytes).unwrap_or(MAX_BLOCK);
         let block = self.chunk_timesteps.max(small).clamp(1, MAX_BLOCK);

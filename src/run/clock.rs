@@ -89,6 +89,7 @@ mod tests {
             meridian: 15.0,
             timezone: Some("Europe/Zurich".into()),
             elevation_m: 0.0,
+            horizon: None,
         };
         let clock = Clock::new(&site, 2025);
         assert_eq!(clock.show(171, 7.5), "06-21 08:30 CEST");

@@ -11,13 +11,14 @@ use super::manifest::key_of;
 use super::project::{self, FileEntry, Project};
 use super::reader::Reader;
 use super::set::Assignment;
+use crate::base::Timeline;
 use crate::glare;
 use crate::glare::rules::Profile;
 use crate::render::sensors::Sensor;
 use crate::render::{Gather, Quantity, View};
 use crate::site::bsdf::{Bsdf, Model, Side, Spectrum};
 use crate::site::{PvSpec, SceneSpec};
-use crate::sky::{Place, TimeSpec};
+use crate::sky::{self, FarHorizon, Place, TimeSpec};
 use crate::trace;
 
 /// Below this many stored photons verdicts and pictures are marked as a draft.
@@ -129,6 +130,8 @@ pub struct Resolved {
     pub glare: glare::Settings,
     /// What it is judged by.
     pub rules: Vec<Profile>,
+    /// Ridges beyond the scene.
+    pub horizon: Option<FarHorizon>,
     /// Hash of each input file by its name.
     pub inputs: BTreeMap<String, String>,
     /// Hash of the weather file, where there is one.
@@ -151,8 +154,9 @@ impl Resolved {
         Ok(Self {
             place: r.place()?,
             times: r.times()?,
+            horizon: r.horizon()?,
             scene: r.scene(&folder)?,
-            pv: r.pv(),
+            pv: r.pv()?,
             views: r.views()?,
             sensors: r.sensors()?,
             rules: r.rules()?,
@@ -240,7 +244,21 @@ impl Resolved {
             let (FileEntry::Path(path) | FileEntry::Table { path, .. }) = entry;
             *path = path.file_name().unwrap_or_default().into();
         }
-        key_of("scene", &(scene, &self.project.pv, &self.inputs))
+        // By the projection the site's place says where north lies.
+        let place = self.scene.convergence_at;
+        key_of("scene", &(scene, &self.project.pv, &self.inputs, place))
+    }
+
+    /// The timesteps: the suns above the horizon, the far one as well.
+    ///
+    /// # Errors
+    /// See [`sky::timeline`].
+    pub fn timeline(&self) -> Result<Timeline, Error> {
+        let timeline = sky::timeline(&self.place, &self.times)?;
+        Ok(match &self.horizon {
+            None => timeline,
+            Some(horizon) => horizon.cut(timeline)?,
+        })
     }
 
     /// What decides the timesteps.
@@ -250,14 +268,14 @@ impl Resolved {
     pub fn suns_key(&self) -> Result<String, Error> {
         let s = &self.project.site;
         let place = (s.latitude, s.longitude, s.meridian, s.elevation_m);
-        match &self.weather {
-            None => key_of("suns", &(place, &self.project.time)),
-            // Not the path: where a file lies must not change what a run writes.
-            Some(hash) => {
-                let mut time = self.project.time.clone();
-                time.irradiance = toml::Value::String(hash.clone());
-                key_of("suns", &(place, time))
-            }
+        // Not the weather's path: where a file lies must not change what a run writes.
+        let mut time = self.project.time.clone();
+        if let Some(hash) = &self.weather {
+            time.irradiance = toml::Value::String(hash.clone());
+        }
+        match &self.horizon {
+            None => key_of("suns", &(place, time)),
+            Some(horizon) => key_of("suns", &(place, time, horizon)),
         }
     }
 

@@ -1,6 +1,7 @@
 //! The streaming glare analysis, held against SciPy (`tools/oracles/glare_reference.py`) and
 //! against a slow twin of our own.
 
+mod session;
 mod sparse;
 mod twin;
 mod volumes;

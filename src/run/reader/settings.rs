@@ -24,7 +24,7 @@ impl Reader<'_> {
                 (Some(model), None) if t.side.is_none() && t.spectrum.is_none() => {
                     let bsdf = Bsdf::from_model(model)
                         .map_err(|source| Error::Material { name: t.name.clone(), source })?;
-                    Material { made: Made::Model(*model), bsdf, notes: Vec::new() }
+                    Material { made: Made::Model(model.clone()), bsdf, notes: Vec::new() }
                 }
                 (None, Some(path)) => self.measured(t, path)?,
                 (Some(_), None) => {
@@ -173,7 +173,12 @@ impl Reader<'_> {
                 self.wrong(format!("view.{}.max_radius_m: expected metres above 0", t.name))
             );
         }
-        Ok(Gather { bandwidth: t.bandwidth, max_radius_m: t.max_radius_m, estimator })
+        Ok(Gather {
+            bandwidth: t.bandwidth,
+            max_radius_m: t.max_radius_m,
+            estimator,
+            ..Gather::default()
+        })
     }
 
     fn later(&self, t: &ViewTable, key: &str, instead: &str) -> Error {

@@ -134,8 +134,14 @@ fn times(at: &AtThreshold, threshold_w_m2: Option<f64>, half_year: bool) -> Vec<
         value: v.value * factor,
         band: Some([v.low * factor, v.high * factor]),
     };
-    let filtered =
-        |quantity, value| Measured { quantity, threshold_w_m2, filtered: true, value, band: None };
+    // The filter makes noise smaller: the band of the unfiltered value holds that of the filtered.
+    let filtered = |quantity, value: f64, around: Banded, factor: f64| Measured {
+        quantity,
+        threshold_w_m2,
+        filtered: true,
+        value: value * factor,
+        band: Some([around.low.min(value) * factor, around.high.max(value) * factor]),
+    };
     let mut out = vec![
         banded(Quantity::AnnualH, at.hours, 1.0),
         banded(Quantity::LongestRunMin, at.longest_run_h, 60.0),

@@ -78,20 +78,15 @@ pub fn estimate(resolved: &Resolved, memory_bytes: u64) -> Result<Estimate, Erro
     let steps = timeline.steps.len() as f64;
     let candidates = resolved.candidates.len() as f64;
     let stored = if resolved.needs_photons() { resolved.trace.stored as f64 } else { 0.0 };
-    let pixels: f64 =
-        resolved.views.iter().map(|v| (v.view.columns() * v.view.rows()) as f64).sum();
+    let pixels: f64 = resolved.with_sensors().map(|v| resolved.pixels(v) as f64).sum();
     let thresholds = resolved.glare_thresholds() as f64;
-    let largest = resolved
-        .views
-        .iter()
-        .map(|v| (v.view.columns() * v.view.rows()) as f64)
-        .fold(0.0, f64::max);
+    let largest = resolved.with_sensors().map(|v| resolved.pixels(v) as f64).fold(0.0, f64::max);
     let all = stored * candidates;
     let mut neighbours = (0.0, 0.0);
     let mut series = 0.0;
     let mut direct = 0.0;
-    for v in &resolved.views {
-        let p = (v.view.columns() * v.view.rows()) as f64;
+    for v in resolved.with_sensors() {
+        let p = resolved.pixels(v) as f64;
         if v.direct {
             direct += p * size::LIT_PIXELS * steps;
             series += p * size::LIT_PIXELS * steps * size::LIT_TIMESTEPS * size::SERIES;

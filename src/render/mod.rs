@@ -4,6 +4,8 @@
 //! each pixel sees, once per view, for everyone else. [`annual`] and [`series`] ask the photon
 //! store for the photons around each hit and turn them into irradiance; [`background`] paints the
 //! scene by daylight, so that a planner recognises the house.
+//!
+#![doc = include_str!("../docs/estimators.md")]
 
 mod background;
 mod candidates;
@@ -30,7 +32,7 @@ pub use confidence::{DECIDED, undecided};
 pub use error::Error;
 pub use estimate::{Estimate, Estimator, Kernel, MIN_COS, MIN_RADIUS_M, estimate};
 pub use fused::Fused;
-pub use gather::{Annual, Gather, annual};
+pub use gather::{Annual, EXACT_BITS, Gather, annual};
 pub use hits::{Hit, HitKind, HitMap, hits};
 pub use mirror::{
     Lit, MirrorDay, MirrorReceiver, MirrorRule, MirrorRun, MirrorSummary, MirrorTimes, MirrorYear,

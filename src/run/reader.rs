@@ -2,6 +2,7 @@
 //! site, its times and its scene. [`settings`]: what is done with them.
 
 mod settings;
+mod view_file;
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};

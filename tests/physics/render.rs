@@ -1,5 +1,6 @@
 //! Primary hits on a known scene, and irradiance from photon clouds of known mean.
 
+mod edges;
 mod gather;
 
 use std::f64::consts::PI;

@@ -1,15 +1,18 @@
+use std::path::PathBuf;
 use std::time::Instant;
 
 use serde_json::json;
 
-use super::render::attributes;
+use super::band::{self, Band};
+use super::fused;
+use super::render::{self, attributes};
 use crate::base::Grid;
 use crate::glare::{self, Analysis};
 use crate::picture::exr;
 use crate::run::Error;
 use crate::run::job::{Job, Stage};
 use crate::run::resolve::{Candidate, PlannedView};
-use crate::volume::Volume;
+use crate::volume::{TimeAxis, Volume};
 
 /// Analyses each candidate's series in each view, at each threshold.
 pub(in crate::run) fn glare(job: &mut Job<'_>) -> Result<(), Error> {
@@ -20,6 +23,10 @@ pub(in crate::run) fn glare(job: &mut Job<'_>) -> Result<(), Error> {
             for &threshold in &resolved.project.glare.thresholds_w_m2 {
                 let key = resolved.glare_key(&render_key, threshold)?;
                 let unit = format!("glare {} {} {threshold}", candidate.name, view.name);
+                if job.summary.made.contains(&unit) {
+                    // A fused view: analysed as rendered, just now.
+                    continue;
+                }
                 if job.needs(Stage::Glare, &unit, &key) {
                     one(job, candidate, view, threshold, &unit, &key)?;
                 }
@@ -38,11 +45,31 @@ fn one(
     key: &str,
 ) -> Result<(), Error> {
     let began = Instant::now();
+    if view.fuse {
+        // Rendered before, but not analysed at this threshold.
+        let analyses = render::fused(job, candidate, view, &[threshold])?.analyses;
+        return fused::record(job, candidate, view, &analyses, began);
+    }
     let volume = Volume::open(&job.folder.at(&job.folder.series(&candidate.name, &view.name)))?;
     let settings = glare::Settings { threshold, ..job.resolved.glare.clone() };
     let steps = volume.shape()[0] as u64;
     let analysis = glare::analyse(&volume, &volume.segments(), &settings, None, job.progress)?;
     job.progress.finish();
+    let band = band::count(job, candidate, view, &volume, threshold)?;
+    let made = (&analysis, volume.axis(), &band);
+    let outputs = keep(job, candidate, view, (threshold, key), made)?;
+    let facts = json!({ "events": analysis.events.len(), "timesteps": steps });
+    job.done(unit, key, &outputs, began, facts)
+}
+
+/// Writes what an analysis found; the names of the files.
+pub(super) fn keep(
+    job: &Job<'_>,
+    candidate: &Candidate,
+    view: &PlannedView,
+    (threshold, key): (f64, &str),
+    (analysis, axis, band): (&Analysis, Option<&TimeAxis>, &Band),
+) -> Result<Vec<PathBuf>, Error> {
     let name = |file: &str| job.folder.glare(&candidate.name, &view.name, threshold, file);
     let step_h = job.timeline()?.step_h;
     let about = [
@@ -53,7 +80,7 @@ fn one(
     ];
     let attributes = attributes(job, key, &about);
     let mut outputs = Vec::new();
-    for (map, counts, hours) in hours(&analysis, step_h) {
+    for (map, counts, hours) in hours(analysis, step_h) {
         let npy = job.folder.prepare(&name(&format!("{map}.npy")))?;
         glintmap_formats::npy::write(&npy, &[counts.rows(), counts.columns()], counts.data())?;
         let exr_name = name(&format!("{map}.exr"));
@@ -64,12 +91,12 @@ fn one(
     let events_name = name("events.csv");
     let events_path = job.folder.at(&events_name);
     glintmap_formats::seal::write(&events_path, |out| {
-        glare::write_events(out, &analysis.events, volume.axis())
+        glare::write_events(out, &analysis.events, axis)
     })
     .map_err(|source: std::io::Error| Error::Write { path: events_path.clone(), source })?;
     outputs.push(events_name);
-    let facts = json!({ "events": analysis.events.len(), "timesteps": steps });
-    job.done(unit, key, &outputs, began, facts)
+    outputs.push(band::write(job, candidate, view, (threshold, key, &about), band)?);
+    Ok(outputs)
 }
 
 /// Each duration map with its timesteps turned into hours. Cumulative hours carry the weight of

@@ -1,6 +1,8 @@
 //! One file a stage. Each asks the manifest what is current, calls the rooms, and records what
 //! they left behind.
 
+mod band;
+mod fused;
 mod glare;
 mod photons;
 mod pictures;

@@ -16,7 +16,7 @@ use glintmap::render::{Fused, Gather, Hit, HitKind, HitMap, Quantity, annual, se
 use super::pool;
 
 /// A store of photons on the plane z = 0, as `trace` and `run` would make it.
-fn store_of(folder: &Path, photons: &[Photon], timesteps: u32) -> Store {
+pub fn store_of(folder: &Path, photons: &[Photon], timesteps: u32) -> Store {
     let bounds = Aabb { min: vec3(-6.0, -6.0, -1.0), max: vec3(6.0, 6.0, 1.0) };
     let (spill, path) = (folder.join("spill"), folder.join("photons.gmp"));
     let mut sink = Spill::create(&spill, bounds, photons.len() as u64, 64 << 20).expect("spills");

@@ -5,6 +5,8 @@
 //! store for the photons around each hit and turn them into irradiance; [`background`] paints the
 //! scene by daylight, so that a planner recognises the house. [`sensors`] are points with normals
 //! instead of pixels.
+//!
+#![doc = include_str!("../docs/estimators.md")]
 
 mod background;
 mod candidates;
@@ -36,7 +38,7 @@ pub use direct::{
 pub use error::Error;
 pub use estimate::{Estimate, Estimator, Kernel, MIN_COS, MIN_RADIUS_M, estimate};
 pub use fused::Fused;
-pub use gather::{Annual, Gather, annual};
+pub use gather::{Annual, EXACT_BITS, Gather, annual};
 pub use hits::{Hit, HitKind, HitMap, hits};
 pub use mirror::{
     Lit, MirrorDay, MirrorReceiver, MirrorRule, MirrorRun, MirrorSummary, MirrorTimes, MirrorYear,

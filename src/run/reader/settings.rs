@@ -279,6 +279,7 @@ impl Reader<'_> {
             connectivity,
             allow_nonfinite: false,
             memory_bytes,
+            ..glare::Settings::default()
         })
     }
 }

@@ -17,8 +17,6 @@ pub(super) struct Facet {
     pub start_m: f64,
     /// Corners, metres, counter-clockwise seen from this side.
     pub triangles: Vec<[DVec3; 3]>,
-    /// Area, m2.
-    pub area_m2: f64,
 }
 
 /// Rays start this far above a facet at least, m; or 30 times the rounding of f32 positions.
@@ -62,10 +60,6 @@ pub(super) fn facets(site: &Site) -> Vec<Facet> {
                 frame: Frame::around(normal),
                 height_m: heights().sum::<f64>() / count as f64,
                 start_m: heights().fold(f64::NEG_INFINITY, f64::max) + lift,
-                area_m2: triangles
-                    .iter()
-                    .map(|[a, b, c]| 0.5 * (*b - *a).cross(*c - *a).length())
-                    .sum(),
                 triangles,
             });
         }

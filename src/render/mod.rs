@@ -5,7 +5,7 @@
 //! store for the photons around each hit and turn them into irradiance; [`background`] paints the
 //! scene by daylight, so that a planner recognises the house. [`sensors`] are points with normals
 //! instead of pixels.
-//!
+#![doc = ""]
 #![doc = include_str!("../docs/estimators.md")]
 
 mod background;
@@ -33,7 +33,7 @@ mod view_options;
 pub use background::{background, representative_suns};
 pub use confidence::{DECIDED, undecided};
 pub use direct::{
-    Direct, DirectScene, DirectScratch, DirectSummary, DirectYear, TileYear, direct_series,
+    Direct, DirectScene, DirectScratch, DirectSummary, DirectYear, PvSight, TileYear, direct_series,
 };
 pub use error::Error;
 pub use estimate::{Estimate, Estimator, Kernel, MIN_COS, MIN_RADIUS_M, estimate};

@@ -159,6 +159,7 @@ fn sort_out(
             if !named.contains(&series) {
                 add(Part::Unfinished, series);
             }
+            add(Part::Unfinished, folder.waiting_tiles(&candidate.name, &view.name));
         }
     }
     Ok(found)

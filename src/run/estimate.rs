@@ -17,6 +17,8 @@ mod rate {
     pub const SERIES_NEIGHBOURS_PER_S: f64 = 40e6;
     pub const HIT_PIXELS_PER_S: f64 = 150_000.0;
     pub const BACKGROUND_PIXELS_PER_S: f64 = 60_000.0;
+    /// Pixels times suns.
+    pub const DIRECT_PER_S: f64 = 1e6;
     pub const VOXELS_PER_S: f64 = 100e6;
     pub const PICTURE_PIXELS_PER_S: f64 = 2e6;
 }
@@ -75,15 +77,21 @@ pub fn estimate(resolved: &Resolved, memory_bytes: u64) -> Result<Estimate, Erro
     let timeline = resolved.timeline()?;
     let steps = timeline.steps.len() as f64;
     let candidates = resolved.candidates.len() as f64;
-    let stored = resolved.trace.stored as f64;
+    let stored = if resolved.needs_photons() { resolved.trace.stored as f64 } else { 0.0 };
     let pixels: f64 = resolved.with_sensors().map(|v| resolved.pixels(v) as f64).sum();
     let thresholds = resolved.glare_thresholds() as f64;
     let largest = resolved.with_sensors().map(|v| resolved.pixels(v) as f64).fold(0.0, f64::max);
     let all = stored * candidates;
     let mut neighbours = (0.0, 0.0);
     let mut series = 0.0;
+    let mut direct = 0.0;
     for v in resolved.with_sensors() {
         let p = resolved.pixels(v) as f64;
+        if v.direct {
+            direct += p * size::LIT_PIXELS * steps;
+            series += p * size::LIT_PIXELS * steps * size::LIT_TIMESTEPS * size::SERIES;
+            continue;
+        }
         let k = v.series_bandwidth.unwrap_or_else(|| (3 * timeline.steps.len()).max(4000)) as f64;
         neighbours.0 += p * size::LIT_PIXELS * v.annual.bandwidth as f64;
         neighbours.1 += p * size::LIT_PIXELS * k;
@@ -139,7 +147,8 @@ pub fn estimate(resolved: &Resolved, memory_bytes: u64) -> Result<Estimate, Erro
             pixels / rate::HIT_PIXELS_PER_S
                 + pixels / rate::BACKGROUND_PIXELS_PER_S
                 + candidates
-                    * (neighbours.0 / rate::ANNUAL_NEIGHBOURS_PER_S
+                    * (direct / rate::DIRECT_PER_S
+                        + neighbours.0 / rate::ANNUAL_NEIGHBOURS_PER_S
                         + neighbours.1 / rate::SERIES_NEIGHBOURS_PER_S),
         ),
         stage(

@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 
 use super::error::Error;
 use super::shard::Shard;
+use crate::base::TileRect;
 
 /// The names below a project's `run/`. All but [`Folder::root`] are relative to it.
 #[derive(Clone, Debug)]
@@ -81,6 +82,16 @@ impl Folder {
     /// The time series.
     pub fn series(&self, candidate: &str, view: &str) -> PathBuf {
         self.map(candidate, view, "series.zarr")
+    }
+
+    /// Where the year's sums of a view that is integrated directly wait for the last tile.
+    pub fn waiting_tiles(&self, candidate: &str, view: &str) -> PathBuf {
+        self.map(candidate, view, "annual-tiles")
+    }
+
+    /// The file of a tile that waits.
+    pub fn tile(tile: TileRect) -> String {
+        format!("{}-{}.npy", tile.row, tile.column)
     }
 
     /// A file of a glare analysis.

@@ -119,13 +119,16 @@ pub fn probe(resolved: &Resolved, view: &str, spot: Spot) -> Result<Probed, Erro
             continue;
         }
         let volume = Volume::open(&series)?;
-        let store = Store::open(
-            &folder.at(&folder.store(&candidate.name)),
-            &OpenOptions { cache_bytes: 16 << 20, access: Access::Mapped },
-        )?;
         let values = volume.pixel(column, row)?;
-        let shares = shares(&store, &hit, planned)?;
-        materials.push(material(resolved, &timeline, &candidate.name, &values, shares));
+        let mut from = BTreeMap::new();
+        if !planned.direct {
+            let store = Store::open(
+                &folder.at(&folder.store(&candidate.name)),
+                &OpenOptions { cache_bytes: 16 << 20, access: Access::Mapped },
+            )?;
+            from = shares(&store, &hit, planned)?;
+        }
+        materials.push(material(resolved, &timeline, &candidate.name, &values, from));
     }
     Ok(Probed {
         view: view.to_owned(),

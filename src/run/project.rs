@@ -322,7 +322,7 @@ pub struct ViewTable {
     pub coordinates: Option<String>,
     /// `[columns, rows]`; sensors need none.
     pub size: Option<[usize; 2]>,
-    /// `"photons"` or `"radiance"`.
+    /// `"photons"`, `"radiance"` or `"direct"`.
     #[serde(default = "photons")]
     pub estimator: String,
     /// Nearest photons of the annual map.

@@ -74,6 +74,8 @@ pub struct PlannedView {
     pub both: bool,
     /// How the series is gathered; its bandwidth is fixed once the timesteps are known.
     pub series_bandwidth: Option<usize>,
+    /// Whether it is integrated directly, without photons.
+    pub direct: bool,
     /// Points instead of pixels: `view` then means nothing, and the hits say how many there are.
     pub points: Option<Points>,
 }
@@ -201,7 +203,12 @@ impl Resolved {
 
     /// Whether verdicts and pictures are marked as a draft.
     pub fn is_draft(&self) -> bool {
-        self.trace.stored < DRAFT_BELOW_PHOTONS
+        self.needs_photons() && self.trace.stored < DRAFT_BELOW_PHOTONS
+    }
+
+    /// Whether any view is made of photons.
+    pub fn needs_photons(&self) -> bool {
+        self.views.is_empty() || self.with_sensors().any(|v| !v.direct)
     }
 
     /// Number of thresholds that glare is analysed at.
@@ -352,6 +359,13 @@ impl Resolved {
     /// When the settings can't be hashed.
     pub fn render_key(&self, candidate: &Candidate, view: &PlannedView) -> Result<String, Error> {
         let g = &view.annual;
+        if view.direct {
+            let p = &self.project.photons;
+            let scene = (self.scene_key()?, self.suns_key()?, &candidate.models);
+            let how = ("direct", p.max_path_m, p.sun_visibility, self.hits_key(view)?);
+            let names = (&candidate.name, &view.name);
+            return key_of("render", &(scene, how, &self.project.glare.quantity, names));
+        }
         let upstream = (self.photons_key(candidate)?, self.hits_key(view)?);
         let estimator = format!("{:?} {:?}", g.estimator, g.kernel);
         let surface = (g.normal_tolerance_deg, g.plane_tolerance_m, g.edges);

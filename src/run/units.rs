@@ -38,7 +38,7 @@ pub fn units(resolved: &Resolved) -> Result<Vec<Planned>, Error> {
         all.push(Planned { stage, unit, key });
     };
     add(Stage::Suns, "suns".into(), Some(resolved.suns_key()?));
-    for candidate in &resolved.candidates {
+    for candidate in resolved.candidates.iter().filter(|_| resolved.needs_photons()) {
         let photons = resolved.photons_key(candidate)?;
         let pages = key_of("pages", &photons)?;
         add(Stage::Trace, format!("trace {}", candidate.name), Some(photons));

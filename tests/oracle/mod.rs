@@ -1,6 +1,7 @@
 //! Held against programs and references that others made.
 
 mod bsdf;
+mod direct;
 mod glare;
 mod mirror;
 mod picture;

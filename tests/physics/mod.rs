@@ -7,6 +7,7 @@ mod bsdf_models;
 mod bsdf_write;
 mod case_study;
 mod case_study_photons;
+mod direct;
 mod render;
 mod trace;
 mod weather;

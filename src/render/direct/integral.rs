@@ -1,5 +1,3 @@
-use glam::DVec3;
-
 use super::cells::{Cell, Rooted, Sees};
 use super::disc::Disc;
 use super::kernel::{Batch, Kernel};
@@ -66,7 +64,7 @@ const RADON: [([f64; 3], f64); 7] = {
 };
 
 /// How the rule's bend may be at most, as a share of the value: the error is below its square.
-const BEND: f64 = 0.03;
+const BEND: f64 = 0.02;
 /// What a cell may be wrong by however small its light is, W/m2 on a plane that faces it.
 const NEGLIGIBLE_W_M2: f64 = 1e-5;
 /// A cell is looked at through its rule once its half vectors spread less than this share of the
@@ -93,8 +91,8 @@ pub(super) struct Integral<'a> {
     pub root: &'a Rooted,
     pub kernel: Kernel<'a>,
     pub disc: &'a Disc,
-    /// Points of the disc.
-    pub points: &'a [(f64, f64)],
+    /// Points of the disc: few, some, many.
+    pub points: &'a [Vec<(f64, f64)>; 3],
     pub spot: &'a Spot,
     pub max_path_m: f64,
     /// Which of the root's asked cells the spot sees; the number of those before each.
@@ -123,22 +121,28 @@ impl Integral<'_> {
         Sees::of(count > 0, count == last - first)
     }
 
+    fn is_deepest(&self, cell: &Cell) -> bool {
+        cell.level >= self.root.seeing_level + DEEPER
+    }
+
     fn descend(&mut self, cell: &Cell, suns: &Batch) {
         let seen = self.sees(cell);
         if seen == Sees::None || suns.len() == 0 {
             return;
         }
-        let mut pool = || self.scratch.pool.pop().unwrap_or_default();
-        let (mut far, mut near, mut finer) = (pool(), pool(), pool());
-        for batch in [&mut far, &mut near, &mut finer] {
+        let mut pool = || {
+            let mut batch = self.scratch.pool.pop().unwrap_or_default();
             batch.clear();
+            batch
+        };
+        let mut now = [pool(), pool(), pool(), pool()];
+        let mut finer = pool();
+        self.sort(cell, suns, seen, &mut now, &mut finer);
+        for (i, batch) in now.iter().enumerate() {
+            let points = i.checked_sub(1).map(|i| &*self.points[i]);
+            self.look(cell, batch, points, &mut finer);
         }
-        self.sort(cell, suns, seen, &mut far, &mut near, &mut finer);
-        let deepest = cell.level >= self.root.seeing_level + DEEPER;
-        for (batch, as_disc) in [(&far, false), (&near, true)] {
-            self.look(cell, batch, as_disc, deepest, &mut finer);
-        }
-        self.scratch.pool.extend([far, near]);
+        self.scratch.pool.extend(now);
         for part in cell.parts() {
             if finer.len() > 0 {
                 self.descend(&part, &finer);
@@ -147,17 +151,9 @@ impl Integral<'_> {
         self.scratch.pool.push(finer);
     }
 
-    /// Which suns can be looked at through this cell's rule, as points or discs, and which need
-    /// its parts.
-    fn sort(
-        &self,
-        cell: &Cell,
-        suns: &Batch,
-        seen: Sees,
-        far: &mut Batch,
-        near: &mut Batch,
-        finer: &mut Batch,
-    ) {
+    /// Which suns can be looked at through this cell's rule, as points (`now[0]`) or as discs of
+    /// few to many points, and which need its parts.
+    fn sort(&self, cell: &Cell, suns: &Batch, seen: Sees, now: &mut [Batch; 4], finer: &mut Batch) {
         let middle = cell.middle();
         let way = self.spot.position - middle;
         let away_m = way.length();
@@ -165,7 +161,7 @@ impl Integral<'_> {
         // Angle that the cell spans at the spot.
         let angle = cell.radius_m() / away_m;
         let width = self.kernel.width();
-        let deepest = cell.level >= self.root.seeing_level + DEEPER;
+        let deepest = self.is_deepest(cell);
         for i in 0..suns.len() {
             let sees = self.root.sees_sun(cell, suns.step[i] as usize);
             if sees == Sees::None {
@@ -188,32 +184,42 @@ impl Integral<'_> {
             if spread.min(angle) > SPREAD * reach.min(1.0) && !deepest {
                 finer.push_from(suns, i);
             } else if tilt < NEAR_WIDTHS * width && width.is_finite() {
-                near.push_from(suns, i);
+                // The disc in half vectors, beside the lobe.
+                let beside = 0.5 * self.disc.radius_rad / (cos * width);
+                let class = 1 + usize::from(beside > 0.1) + usize::from(beside > 0.4);
+                now[class].push_from(suns, i);
             } else {
-                far.push_from(suns, i);
+                now[0].push_from(suns, i);
             }
         }
     }
 
     /// Applies the rule; suns for which it bends too much go to `finer`.
-    fn look(&mut self, cell: &Cell, suns: &Batch, as_disc: bool, deepest: bool, finer: &mut Batch) {
+    fn look(
+        &mut self,
+        cell: &Cell,
+        suns: &Batch,
+        points: Option<&[(f64, f64)]>,
+        finer: &mut Batch,
+    ) {
+        let deepest = self.is_deepest(cell);
         let count = suns.len();
         if count == 0 {
             return;
         }
         let Scratch { values, sums, discs, .. } = &mut *self.scratch;
-        let fold = if as_disc { self.points.len() } else { 1 };
-        if as_disc {
+        let fold = points.map_or(1, <[_]>::len);
+        if let Some(points) = points {
             discs.clear();
             for i in 0..count {
                 let sun = Frame::around(suns.sun(i));
-                for &point in self.points {
+                for &point in points {
                     let at = self.disc.direction(&sun, point);
                     discs.push(suns.step[i], at, suns.strength[i], &self.kernel);
                 }
             }
         }
-        let lit = if as_disc { &*discs } else { suns };
+        let lit = if points.is_some() { &*discs } else { suns };
         values.resize(count * fold, 0.0);
         for sum in sums.iter_mut() {
             sum.clear();

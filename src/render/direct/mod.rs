@@ -18,5 +18,5 @@ mod specular;
 mod tests;
 
 pub use integral::DirectYear;
-pub use scene::{Direct, DirectScene, DirectScratch};
+pub use scene::{Direct, DirectScene, DirectScratch, PvSight};
 pub use series::{DirectSummary, TileYear, direct_series};

@@ -1,6 +1,6 @@
 use glam::DVec3;
 
-use super::cells::{Rooted, rooted};
+use super::cells::{Cell, Rooted, rooted};
 use super::disc::Disc;
 use super::integral::{DirectYear, Integral, Scratch};
 use super::kernel::{Batch, Kernel};
@@ -14,6 +14,8 @@ use crate::site::bsdf::Bsdf;
 /// Edge of the cells of PV that are asked what they see, m: shadows and hidden parts are known to
 /// that.
 const CELL_M: f64 = 0.5;
+/// Levels above the asked cells on which a spot may spare the rest of its questions: two metres.
+const SKIPPED_LEVELS: u32 = 2;
 /// Spots on surfaces are lifted off them by this much, m.
 const LIFT_M: f64 = 2e-3;
 
@@ -36,6 +38,8 @@ pub struct DirectScene<'a> {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Spot {
     pub position: DVec3,
+    /// A little off the surface: where rays end.
+    pub eye: DVec3,
     pub normal: DVec3,
 }
 
@@ -45,15 +49,39 @@ pub(super) struct Lights {
     pub batch: Batch,
 }
 
+/// The PV, and which suns each part of it sees: all that depends neither on materials nor on where
+/// light goes.
+#[derive(Debug)]
+pub struct PvSight {
+    facets: Vec<Facet>,
+    roots: Vec<Rooted>,
+}
+
+impl PvSight {
+    /// Asks every cell of the PV for every sun.
+    ///
+    /// # Errors
+    /// [`Error::Interrupted`].
+    pub fn new(
+        site: &Site,
+        timeline: &Timeline,
+        sun_visibility: bool,
+        progress: &dyn Progress,
+    ) -> Result<Self, Error> {
+        let facets = facets(site);
+        let roots = rooted(site, &facets, timeline, CELL_M, sun_visibility, progress)?;
+        Ok(Self { facets, roots })
+    }
+}
+
 /// A year of suns, ready to be integrated over the PV for any spot.
 #[derive(Debug)]
 pub struct Direct<'a> {
     scene: DirectScene<'a>,
-    facets: Vec<Facet>,
+    sight: &'a PvSight,
     lights: Vec<Lights>,
-    roots: Vec<Rooted>,
     disc: Disc,
-    points: Vec<Vec<(f64, f64)>>,
+    points: [Vec<(f64, f64)>; 3],
 }
 
 /// Buffers of one thread, kept from spot to spot.
@@ -64,11 +92,11 @@ pub struct DirectScratch {
 }
 
 impl<'a> Direct<'a> {
-    /// Works out what doesn't depend on where light goes: which suns each part of the PV sees.
+    /// `sight` was made from the same scene and suns.
     ///
     /// # Errors
-    /// [`Error::Settings`] where the parts don't fit each other, [`Error::Interrupted`].
-    pub fn new(scene: DirectScene<'a>, progress: &dyn Progress) -> Result<Self, Error> {
+    /// [`Error::Settings`] where the parts don't fit each other.
+    pub fn new(scene: DirectScene<'a>, sight: &'a PvSight) -> Result<Self, Error> {
         let (expected, found) = (scene.site.pv.len(), scene.bsdfs.len());
         if expected != found {
             let what = format!("{expected} PV surfaces, but {found} materials for them");
@@ -81,22 +109,12 @@ impl<'a> Direct<'a> {
             );
             return Err(Error::Settings { what });
         }
-        let facets = facets(scene.site);
+        let facets = &sight.facets;
         let disc = Disc::new(scene.timeline.sun_diameter_deg);
         let kernel = |f: &Facet| Kernel::of(scene.bsdfs[usize::from(f.surface)]);
         let lights = facets.iter().map(|f| Lights::of(f, &kernel(f), scene.timeline)).collect();
-        let points = facets
-            .iter()
-            .map(|f| match disc.radius_rad / kernel(f).width() {
-                // Beside the lobe the disc is small, of its size, or larger.
-                r if r < 0.2 => Disc::points(4),
-                r if r < 0.6 => Disc::points(16),
-                _ => Disc::points(64),
-            })
-            .collect();
-        let (timeline, free) = (scene.timeline, scene.sun_visibility);
-        let roots = rooted(scene.site, &facets, timeline, CELL_M, free, progress)?;
-        Ok(Self { scene, facets, lights, roots, disc, points })
+        let points = [4, 16, 64].map(Disc::points);
+        Ok(Self { scene, sight, lights, disc, points })
     }
 
     /// The year at a spot of a surface with its normal turned to where light may come from; `into`
@@ -109,9 +127,9 @@ impl<'a> Direct<'a> {
         into: &mut DirectYear,
     ) {
         into.clear(self.scene.timeline.steps.len());
-        let spot = Spot { position: position + normal * LIFT_M, normal };
-        for root in &self.roots {
-            let facet = &self.facets[root.facet];
+        let spot = Spot { position, eye: position + normal * LIFT_M, normal };
+        for root in &self.sight.roots {
+            let facet = &self.sight.facets[root.facet];
             if facet.before_m(spot.position) <= 0.0
                 || root.cell.corners.iter().all(|c| spot.normal.dot(*c - spot.position) <= 0.0)
             {
@@ -139,7 +157,7 @@ impl<'a> Direct<'a> {
                 root,
                 kernel: Kernel::of(bsdf),
                 disc: &self.disc,
-                points: &self.points[root.facet],
+                points: &self.points,
                 spot: &spot,
                 max_path_m: self.scene.max_path_m,
                 seen_before: &buffers.seen_before,
@@ -152,24 +170,43 @@ impl<'a> Direct<'a> {
 
     /// Which asked cells of a triangle the spot sees; whether there is one.
     fn look_at(&self, root: &Rooted, spot: &Spot, seen_before: &mut Vec<u32>) -> bool {
-        let facet = &self.facets[root.facet];
-        let mut seen = 0;
         seen_before.clear();
         seen_before.push(0);
-        for cell in root.asked() {
-            let start = facet.lifted(cell.middle());
-            let way = spot.position - start;
-            let away_m = way.length();
-            let towards = way / away_m;
-            let faces =
-                spot.normal.dot(towards) < 0.0 && away_m - cell.radius_m() < self.scene.max_path_m;
-            let end_m = (away_m - 0.5 * LIFT_M).max(0.0) as f32;
-            let free = faces
-                && !self.scene.site.bvh.occluded(start.as_vec3(), towards.as_vec3(), 0.0, end_m);
-            seen += u32::from(free);
-            seen_before.push(seen);
+        self.look_into(&root.cell, root, spot, seen_before);
+        seen_before.last().is_some_and(|&seen| seen > 0)
+    }
+
+    /// Cells a little larger than those that are asked are asked at their middle and in their
+    /// parts; where all say the same, it holds for all of the cell.
+    fn look_into(&self, cell: &Cell, root: &Rooted, spot: &Spot, seen_before: &mut Vec<u32>) {
+        let below = root.seeing_level - cell.level;
+        let sees = |cell: &Cell| self.spot_sees(cell, root.facet, spot);
+        if below <= SKIPPED_LEVELS {
+            let first = sees(cell);
+            if below == 0 || cell.parts().iter().all(|part| sees(part) == first) {
+                let mut seen = seen_before.last().copied().unwrap_or(0);
+                for _ in 0..1_u32 << (2 * below) {
+                    seen += u32::from(first);
+                    seen_before.push(seen);
+                }
+                return;
+            }
         }
-        seen > 0
+        for part in cell.parts() {
+            self.look_into(&part, root, spot, seen_before);
+        }
+    }
+
+    fn spot_sees(&self, cell: &Cell, facet: usize, spot: &Spot) -> bool {
+        let start = self.sight.facets[facet].lifted(cell.middle());
+        let way = spot.eye - start;
+        let away_m = way.length();
+        let towards = way / away_m;
+        let faces =
+            spot.normal.dot(towards) < 0.0 && away_m - cell.radius_m() < self.scene.max_path_m;
+        let end_m = (away_m - 0.5 * LIFT_M).max(0.0) as f32;
+        let bvh = &self.scene.site.bvh;
+        faces && !bvh.occluded(start.as_vec3(), towards.as_vec3(), 0.0, end_m)
     }
 
     /// The suns.

@@ -67,7 +67,7 @@ impl Specular<'_> {
             }
             inside += 1.0;
             let start = self.facet.lifted(image + at * (before_m / cos));
-            let way = self.spot.position - start;
+            let way = self.spot.eye - start;
             let length = way.length();
             let blocked = |way: DVec3, most: f64| {
                 self.site.bvh.occluded(start.as_vec3(), way.as_vec3(), 0.0, most as f32)

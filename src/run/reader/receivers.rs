@@ -47,6 +47,7 @@ impl Reader<'_> {
             annual,
             series_bandwidth,
             points: Some(Points::Receivers),
+            direct: false,
         });
         Ok(out)
     }
@@ -83,6 +84,7 @@ impl Reader<'_> {
             annual: self.gather(t)?,
             series_bandwidth: t.series_bandwidth,
             points: Some(Points::File { hash: hash_path(&path).map_err(read)?, sensors, map }),
+            direct: t.estimator == "direct",
         })
     }
 

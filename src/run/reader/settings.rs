@@ -137,6 +137,7 @@ impl Reader<'_> {
             both: t.both_quantities,
             series_bandwidth: t.series_bandwidth,
             points: None,
+            direct: t.estimator == "direct",
         })
     }
 
@@ -145,12 +146,11 @@ impl Reader<'_> {
         let estimator = match t.estimator.as_str() {
             "photons" => Estimator::Photons,
             "radiance" => Estimator::Radiance,
-            "direct" => {
-                return Err(self.later(t, "estimator", "\"direct\" comes later, use \"photons\""));
-            }
+            // Without photons; the bandwidths mean nothing then.
+            "direct" => Estimator::Photons,
             other => {
                 return Err(self.wrong(format!(
-                    "view.{}.estimator: expected \"photons\" or \"radiance\", found \"{other}\"",
+                    "view.{}.estimator: expected \"photons\", \"radiance\" or \"direct\", found \"{other}\"",
                     t.name
                 )));
             }
@@ -246,14 +246,6 @@ impl Reader<'_> {
         let (low, high) = (range.start(), range.end());
         let name = &t.name;
         Err(self.wrong(format!("view.{name}.{key}: expected {low} to {high}, found {value}")))
-    }
-
-    fn later(&self, t: &ViewTable, key: &str, instead: &str) -> Error {
-        Error::Unsupported(format!(
-            "{}: view.{}.{key}: this version can't do that yet; {instead}",
-            self.file.display(),
-            t.name
-        ))
     }
 
     /// The pictures; sets of sensors apart.

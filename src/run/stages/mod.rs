@@ -2,6 +2,7 @@
 //! they left behind.
 
 mod band;
+mod direct;
 mod events;
 mod fused;
 mod glare;

@@ -101,7 +101,7 @@ fn write(path: &Path, value: &impl Serialize) -> Result<(), Error> {
 /// Traces each candidate's photons into its spill.
 pub(in crate::run) fn trace(job: &mut Job<'_>) -> Result<(), Error> {
     let resolved = job.resolved;
-    for candidate in &resolved.candidates {
+    for candidate in resolved.candidates.iter().filter(|_| resolved.needs_photons()) {
         let key = resolved.photons_key(candidate)?;
         if let Some(shard) = job.options.shard {
             share(job, candidate, &key, shard)?;
@@ -281,7 +281,7 @@ fn told(candidate: &Candidate, traced: &Traced, began: Instant) -> String {
 /// Sorts each candidate's spill into its photon store.
 pub(in crate::run) fn pages(job: &mut Job<'_>) -> Result<(), Error> {
     let resolved = job.resolved;
-    for candidate in &resolved.candidates {
+    for candidate in resolved.candidates.iter().filter(|_| resolved.needs_photons()) {
         let key = key_of("pages", &resolved.photons_key(candidate)?)?;
         let name = unit("pages", candidate);
         let spill_name = job.folder.spill(&candidate.name);

@@ -5,6 +5,7 @@ use std::time::Instant;
 
 use serde_json::json;
 
+use super::direct;
 use crate::base::{Grid, SpectralBasis};
 use crate::pages::{Access, OpenOptions, Store};
 use crate::picture::{exr, hdr};
@@ -29,9 +30,14 @@ pub(in crate::run) fn render(job: &mut Job<'_>) -> Result<(), Error> {
     for set in &resolved.sensors {
         super::receivers::place(job, set)?;
     }
+    let mut sight = None;
     for candidate in &resolved.candidates {
         for view in resolved.with_sensors() {
-            maps(job, candidate, view)?;
+            if view.direct {
+                direct::maps(job, candidate, view, &mut sight)?;
+            } else {
+                maps(job, candidate, view)?;
+            }
         }
     }
     Ok(())
@@ -194,6 +200,7 @@ fn series_gather(job: &Job<'_>, view: &PlannedView) -> Result<Gather, Error> {
 }
 
 type MadeFrom<'a> = (&'a Store, Option<&'a Surfaces<'a>>, &'a HitMap);
+type KeyAndAbout<'a> = (&'a str, &'a [(&'a str, &'a str)]);
 
 /// Writes the series, and the peak of it.
 fn written(
@@ -201,54 +208,56 @@ fn written(
     (store, surfaces, hits): MadeFrom<'_>,
     candidate: &Candidate,
     view: &PlannedView,
-    ((key, about), quantity): ((&str, &[(&str, &str)]), Quantity),
+    (about, quantity): (KeyAndAbout<'_>, Quantity),
     outputs: &mut Vec<PathBuf>,
 ) -> Result<(Series, serde_json::Value), Error> {
     let gather = series_gather(job, view)?;
-    let main = quantity == job.resolved.quantity;
-    let names = match quantity {
-        _ if main => ("series.zarr", "peak.exr"),
-        Quantity::Surface => ("series_surface.zarr", "peak_surface.exr"),
-        Quantity::Normal => ("series_normal.zarr", "peak_normal.exr"),
-    };
-    let series_name = job.folder.map(&candidate.name, &view.name, names.0);
-    let series_path = job.folder.prepare(&series_name)?;
-    let mut provenance = job.provenance(key, about);
-    if gather.mantissa_bits < render::EXACT_BITS {
-        let most = format!("2^-{}", gather.mantissa_bits + 1);
-        provenance.about.insert("largest_relative_error".to_owned(), most);
-    }
-    let (columns, rows) = (hits.columns, hits.rows);
-    let create = |timeline| {
-        Writer::create_or_resume(
-            &series_path,
-            timeline,
-            columns,
-            rows,
-            written_quantity(quantity),
-            &provenance,
-        )
-    };
-    let writer = match create(job.timeline()?) {
-        // Made from other settings: of no use any more.
-        Err(volume::Error::Different { .. }) => {
-            job.remove(&series_name)?;
-            create(job.timeline()?)?
-        }
-        other => other?,
-    };
+    let writer = writer(job, candidate, view, (about.0, quantity), hits)?;
     let told = render::series(store, surfaces, hits, &gather, quantity, &writer, job.progress)?;
     job.progress.finish();
     let written = writer.finish()?;
-    outputs.push(series_name);
-    let volume = Volume::open(&series_path)?;
-    let peak = volume.peak(job.progress)?;
-    job.progress.finish();
-    let name = job.folder.map(&candidate.name, &view.name, names.1);
-    let channels = [(peak_channel(quantity), &peak)];
-    exr::write(&job.folder.prepare(&name)?, &channels, &attributes(job, key, about))?;
-    outputs.push(name);
+    outputs.push(job.folder.map(&candidate.name, &view.name, names(job, quantity).0));
+    outputs.push(peak(job, candidate, view, about, quantity)?);
     Ok((told, json!(written)))
+}
+
+/// Names of the series and the peak of a quantity.
+fn names(job: &Job<'_>, quantity: Quantity) -> (&'static str, &'static str) {
+    match quantity {
+        _ if quantity == job.resolved.quantity => ("series.zarr", "peak.exr"),
+        Quantity::Surface => ("series_surface.zarr", "peak_surface.exr"),
+        Quantity::Normal => ("series_normal.zarr", "peak_normal.exr"),
+    }
+}
+
+/// The series of a view: begun, or gone on with where it was made from the same settings.
+pub(super) fn writer(
+    job: &Job<'_>,
+    candidate: &Candidate,
+    view: &PlannedView,
+    (key, quantity): (&str, Quantity),
+    hits: &HitMap,
+) -> Result<Writer, Error> {
+    let about = [("material", candidate.name.as_str()), ("view", view.name.as_str())];
+    let name = job.folder.map(&candidate.name, &view.name, names(job, quantity).0);
+    let path = job.folder.prepare(&name)?;
+    let mut provenance = job.provenance(key, &about);
+    if view.annual.mantissa_bits < render::EXACT_BITS {
+        let most = format!("2^-{}", view.annual.mantissa_bits + 1);
+        provenance.about.insert("largest_relative_error".to_owned(), most);
+    }
+    let (columns, rows) = (hits.columns, hits.rows);
+    let quantity = written_quantity(quantity);
+    let create =
+        |timeline| Writer::create_or_resume(&path, timeline, columns, rows, quantity, &provenance);
+    match create(job.timeline()?) {
+        // Made from other settings: of no use any more.
+        Err(volume::Error::Different { .. }) => {
+            job.remove(&name)?;
+            Ok(create(job.timeline()?)?)
+        }
+        other => Ok(other?),
+    }
 }
 
 fn annual(
@@ -289,6 +298,25 @@ fn annual(
         annual.surface.data(),
     )?;
     Ok(vec![name("annual.exr"), name("annual.hdr"), name("annual.npy")])
+}
+
+/// The largest irradiance of the year, from the finished series.
+pub(super) fn peak(
+    job: &Job<'_>,
+    candidate: &Candidate,
+    view: &PlannedView,
+    (key, about): KeyAndAbout<'_>,
+    quantity: Quantity,
+) -> Result<PathBuf, Error> {
+    let (series, map) = names(job, quantity);
+    let map_of = |name| job.folder.map(&candidate.name, &view.name, name);
+    let volume = Volume::open(&job.folder.at(&map_of(series)))?;
+    let peak = volume.peak(job.progress)?;
+    job.progress.finish();
+    let channel = peak_channel(quantity);
+    let path = job.folder.prepare(&map_of(map))?;
+    exr::write(&path, &[(channel, &peak)], &attributes(job, key, about))?;
+    Ok(map_of(map))
 }
 
 /// Name of the channel of `peak.exr`.

@@ -59,7 +59,9 @@ fn document(job: &Job<'_>, key: &str, judgements: &[Judgement]) -> Result<Docume
         provenance: format!("{} · settings {key} · seed {}", Provenance::PROGRAM, p.photons.seed),
     };
     document.sections.extend(people::sections(job, judgements)?);
-    document.sections.push(photons(job)?);
+    if job.resolved.needs_photons() {
+        document.sections.push(photons(job)?);
+    }
     for view in &resolved.views {
         document.sections.push(numbers(job, view)?);
     }

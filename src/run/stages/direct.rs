@@ -1,0 +1,109 @@
+//! Maps and series of a view that is integrated directly.
+
+use std::path::{Path, PathBuf};
+use std::time::Instant;
+
+use glintmap_formats::npy;
+use serde_json::json;
+
+use super::render::{attributes, peak, read_hits, writer};
+use crate::base::{Grid, SinkError, TileRect, limits, tiles};
+use crate::picture::{exr, hdr};
+use crate::render::{self, Direct, DirectScene, HitMap, PvSight, TileYear};
+use crate::run::job::{Job, Stage};
+use crate::run::resolve::{Candidate, PlannedView};
+use crate::run::{Error, Folder};
+
+/// Integrates a view; `sight` is kept from one to the next. The sums of the year wait, tile by
+/// tile, beside the series until all tiles are there: so an interrupted run needs no tile twice.
+pub(super) fn maps(
+    job: &mut Job<'_>,
+    candidate: &Candidate,
+    view: &PlannedView,
+    sight: &mut Option<PvSight>,
+) -> Result<(), Error> {
+    let key = job.resolved.render_key(candidate, view)?;
+    let unit = format!("render {} {}", candidate.name, view.name);
+    if !job.needs(Stage::Render, &unit, &key) {
+        return Ok(());
+    }
+    let began = Instant::now();
+    let hits = read_hits(job, view)?;
+    let waiting = job.folder.waiting_tiles(&candidate.name, &view.name);
+    let folder = job.folder.prepare(&waiting.join("tile"))?;
+    let folder = folder.parent().unwrap_or(Path::new("")).to_owned();
+    let writer = writer(job, candidate, view, (&key, job.resolved.quantity), &hits)?;
+    let site = job.site()?;
+    let scene = DirectScene {
+        site,
+        timeline: job.timeline()?,
+        bsdfs: site.pv.iter().map(|s| &candidate.bsdfs[s.entry]).collect(),
+        max_path_m: job.resolved.trace.max_path_m,
+        sun_visibility: job.resolved.trace.sun_visibility,
+    };
+    if sight.is_none() {
+        let (suns, free) = (job.timeline()?, scene.sun_visibility);
+        *sight = Some(PvSight::new(site, suns, free, job.progress)?);
+    }
+    let Some(sight) = sight else { return Ok(()) };
+    let direct = Direct::new(scene, sight)?;
+    let keep = |tile: TileRect, year: &TileYear| {
+        let all = [&year.surface_wh_m2, &year.normal_wh_m2, &year.error_wh_m2];
+        let values: Vec<f32> = all.into_iter().flatten().copied().collect();
+        let path = folder.join(Folder::tile(tile));
+        npy::write(&path, &[all.len(), tile.rows, tile.columns], &values)
+            .map_err(|e| SinkError::Io(std::io::Error::other(e)))
+    };
+    let quantity = job.resolved.quantity;
+    let told = render::direct_series(&direct, &hits, quantity, &writer, &keep, job.progress)?;
+    job.progress.finish();
+    let written = writer.finish()?;
+    let mut outputs = annual(job, &folder, &hits, candidate, view, &key)?;
+    outputs.push(job.folder.series(&candidate.name, &view.name));
+    let about = [("material", candidate.name.as_str()), ("view", view.name.as_str())];
+    outputs.push(peak(job, candidate, view, (&key, &about), quantity)?);
+    job.remove(&waiting)?;
+    job.done(&unit, &key, &outputs, began, json!({ "series": written, "integrated": told }))
+}
+
+/// The year's maps from the tiles that wait.
+fn annual(
+    job: &Job<'_>,
+    folder: &Path,
+    hits: &HitMap,
+    candidate: &Candidate,
+    view: &PlannedView,
+    key: &str,
+) -> Result<Vec<PathBuf>, Error> {
+    let (columns, rows) = (hits.columns, hits.rows);
+    let empty = || Grid::filled(columns, rows, 0.0_f32);
+    let mut maps = [empty(), empty(), empty()];
+    for tile in tiles(columns, rows, limits::TILE_EDGE) {
+        let path = folder.join(Folder::tile(tile));
+        let values: Vec<f32> = npy::Reader::open(&path)?.read_all()?;
+        for (map, part) in maps.iter_mut().zip(values.chunks_exact(tile.pixels())) {
+            for (i, &value) in part.iter().enumerate() {
+                let at = (tile.column + i % tile.columns, tile.row + i / tile.columns);
+                map[at] = value;
+            }
+        }
+    }
+    let about = [("material", candidate.name.as_str()), ("view", view.name.as_str())];
+    let name = |file: &str| job.folder.map(&candidate.name, &view.name, file);
+    let [surface, normal, error] = &maps;
+    exr::write(
+        &job.folder.prepare(&name("annual.exr"))?,
+        &[("annual.wh_m2", surface), ("annual_normal.wh_m2", normal), ("error.wh_m2", error)],
+        &attributes(job, key, &about),
+    )?;
+    let mut lines = vec![
+        format!("SOFTWARE= {}", crate::base::Provenance::PROGRAM),
+        "annual radiant exposure, Wh/m2".to_owned(),
+    ];
+    if view.points.is_none() {
+        lines.push(view.view.to_view_line());
+    }
+    hdr::write(&job.folder.at(&name("annual.hdr")), &surface.map(|v| [*v; 3]), &lines)?;
+    npy::write(&job.folder.at(&name("annual.npy")), &[rows, columns], surface.data())?;
+    Ok(vec![name("annual.exr"), name("annual.hdr"), name("annual.npy")])
+}

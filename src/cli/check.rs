@@ -35,7 +35,7 @@ pub(super) fn run(arguments: &Arguments, context: &Context) -> anyhow::Result<()
     };
     let _ = writeln!(text, "{} timesteps with the sun above the horizon", timeline.steps.len());
     let _ = writeln!(text, "materials: {}", names.join(", "));
-    let receivers = receivers(&resolved, &site)?;
+    let receivers = receivers(&resolved, site)?;
     for line in &receivers {
         let _ = writeln!(text, "{line}");
     }

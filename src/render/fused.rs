@@ -21,7 +21,7 @@ pub struct Fused<'a> {
     shared: Shared<'a>,
     fluxes: Fluxes,
     order: Order<'a>,
-    quantity: Quantity,
+    how: (Quantity, u32),
     tiles: Vec<(TileRect, Recorded)>,
     /// What is known of the series.
     pub series: Series,
@@ -53,6 +53,7 @@ impl<'a> Fused<'a> {
         let fluxes = Fluxes::of(store, 1.0);
         let order = Order::of(hits);
         let timesteps = store.info().timesteps;
+        let how = (quantity, settings.mantissa_bits);
         let empty = || Grid::filled(hits.columns, hits.rows, 0.0);
         let found = Mutex::new(Found {
             tiles: Vec::new(),
@@ -77,7 +78,7 @@ impl<'a> Fused<'a> {
                 let record = Some(&mut recorded);
                 let mut photons = vec![0u64; timesteps as usize];
                 shared.tile(&spots, scratch, &integers, record, |spot, disc, near| {
-                    let made = tile_series.pixel(spot.pixel, (disc, near), &fluxes, quantity);
+                    let made = tile_series.pixel(spot.pixel, (disc, near), &fluxes, how);
                     disc.each(near, |light, _| {
                         if let Some(count) = photons.get_mut(light.timestep as usize) {
                             *count += 1;
@@ -115,7 +116,7 @@ impl<'a> Fused<'a> {
         found.tiles.sort_unstable_by_key(|(number, ..)| *number);
         let tiles = found.tiles.into_iter().map(|(_, tile, recorded)| (tile, recorded)).collect();
         let (series, photons) = (found.series, found.photons);
-        Ok(Self { store, shared, fluxes, order, quantity, tiles, series, photons })
+        Ok(Self { store, shared, fluxes, order, how, tiles, series, photons })
     }
 
     /// Renders some timesteps of all tiles. Tiles without receiving surfaces are left out.
@@ -139,7 +140,7 @@ impl<'a> Fused<'a> {
                 tile_series.clear();
                 let spots = self.order.spots(*tile);
                 self.shared.again(&spots, scratch, &integers, recorded, |spot, disc, near| {
-                    tile_series.pixel(spot.pixel, (disc, near), &self.fluxes, self.quantity);
+                    tile_series.pixel(spot.pixel, (disc, near), &self.fluxes, self.how);
                 })?;
                 sink.put(*tile, tile_series.sorted())?;
                 Ok::<(), Error>(())

@@ -5,7 +5,7 @@ use rayon::prelude::*;
 
 use super::candidates::Candidates;
 use super::fixed::square;
-use super::gather::{Fluxes, weighed};
+use super::gather::{Fluxes, rounded, weighed};
 use super::order::Order;
 use super::share::{Disc, Scratch, Shared};
 use super::surfaces::Surfaces;
@@ -136,7 +136,7 @@ impl TileSeries {
         pixel: u16,
         (disc, near): (&Disc, &Candidates),
         fluxes: &Fluxes,
-        quantity: Quantity,
+        (quantity, mantissa_bits): (Quantity, u32),
     ) -> PixelSeries {
         let (mut photons, mut sum, mut squares) = (0, 0i64, 0i64);
         let scale = fluxes.scale(quantity);
@@ -154,7 +154,8 @@ impl TileSeries {
                 add(light.timestep, weighed(light.normal, kernel));
             }),
         }
-        let lit = self.end(pixel, |sum| (scale.value(sum) / disc.area_m2) as f32);
+        let value = |sum| rounded((scale.value(sum) / disc.area_m2) as f32, mantissa_bits);
+        let lit = self.end(pixel, value);
         let mean = scale.square_value(squares) / scale.value(sum).max(f64::MIN_POSITIVE);
         PixelSeries { photons, lit, photon_w_m2: (mean / disc.area_m2) as f32 }
     }
@@ -235,6 +236,7 @@ pub fn series(
     });
     progress.begin("time series", (hits.columns * hits.rows) as u64, "pixels");
     let integers = |photon: &Photon| Some(fluxes.integers(photon, 1.0));
+    let how = (quantity, settings.mantissa_bits);
     order.tiles().par_iter().try_for_each_init(
         || (Scratch::default(), TileSeries::new(0..store.info().timesteps), Vec::new()),
         |(scratch, tile_series, noise), &tile| {
@@ -243,7 +245,7 @@ pub fn series(
             tile_series.clear();
             noise.clear();
             shared.tile(&order.spots(tile), scratch, &integers, None, |spot, disc, near| {
-                let made = tile_series.pixel(spot.pixel, (disc, near), &fluxes, quantity);
+                let made = tile_series.pixel(spot.pixel, (disc, near), &fluxes, how);
                 noise.push((order.index(tile, spot.pixel), made.photon_w_m2, disc.radius_m as f32));
                 summary.pixels += 1;
                 summary.lit_pixels += u64::from(made.lit > 0);

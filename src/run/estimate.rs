@@ -95,7 +95,9 @@ pub fn estimate(resolved: &Resolved, memory_bytes: u64) -> Result<Estimate, Erro
         let k = v.series_bandwidth.unwrap_or_else(|| (3 * timeline.steps.len()).max(4000)) as f64;
         neighbours.0 += p * size::LIT_PIXELS * v.annual.bandwidth as f64;
         neighbours.1 += p * size::LIT_PIXELS * k;
-        series += p * size::LIT_PIXELS * (steps * size::LIT_TIMESTEPS).min(k) * size::SERIES;
+        // A fused view keeps no series.
+        let kept = if v.fuse { 0.0 } else { 1.0 + f64::from(u8::from(v.both)) };
+        series += kept * p * size::LIT_PIXELS * (steps * size::LIT_TIMESTEPS).min(k) * size::SERIES;
     }
     let budget = memory_bytes as f64;
     let maps = pixels * candidates * (12.0 + 24.0 * thresholds) + pixels * 40.0;

@@ -3,6 +3,7 @@
 
 mod clean;
 mod clock;
+mod cpu;
 mod create;
 mod error;
 mod estimate;

@@ -3,6 +3,7 @@
 
 mod receivers;
 mod settings;
+mod view_file;
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};

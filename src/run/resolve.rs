@@ -68,6 +68,10 @@ pub struct PlannedView {
     pub view: View,
     /// How the annual map is gathered.
     pub annual: Gather,
+    /// Analysed as rendered: no series is kept.
+    pub fuse: bool,
+    /// The other irradiance gets a series, too.
+    pub both: bool,
     /// How the series is gathered; its bandwidth is fixed once the timesteps are known.
     pub series_bandwidth: Option<usize>,
     /// Whether it is integrated directly, without photons.
@@ -363,8 +367,10 @@ impl Resolved {
             return key_of("render", &(scene, how, &self.project.glare.quantity, names));
         }
         let upstream = (self.photons_key(candidate)?, self.hits_key(view)?);
-        let estimator = format!("{:?}", g.estimator);
-        let how = (estimator, g.bandwidth, view.series_bandwidth, g.max_radius_m);
+        let estimator = format!("{:?} {:?}", g.estimator, g.kernel);
+        let surface = (g.normal_tolerance_deg, g.plane_tolerance_m, g.edges);
+        let how =
+            ((estimator, g.bandwidth, view.series_bandwidth, g.max_radius_m), surface, view.fuse);
         // The names stand in the files, in titles and in legends.
         let names = (&candidate.name, &view.name);
         key_of("render", &(upstream, how, &self.project.glare.quantity, names))

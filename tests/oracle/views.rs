@@ -81,6 +81,41 @@ fn rays_are_those_of_vwrays() {
     }
 }
 
+/// What `view_file` reads: the header of a picture, and a view file; Radiance reads the same file.
+#[test]
+fn views_of_files_are_those_of_vwrays() {
+    let Some(binary) = vwrays() else { return };
+    let folder = tempfile::tempdir().expect("a folder");
+    let (columns, rows) = (12, 9);
+    for (number, options) in VIEWS.iter().enumerate() {
+        let picture = format!(
+            "#?RADIANCE\nrpict -vp 7 7 7 -ab 2 scene.oct\nVIEW= {options}\nFORMAT=32-bit_rle_rgbe\n\n-Y 1 +X 1\n    "
+        );
+        let path = folder.path().join(format!("{number}.hdr"));
+        std::fs::write(&path, &picture).expect("writes");
+        let view = View::from_file(picture.as_bytes(), columns, rows).expect("reads");
+        let out = Command::new(&binary)
+            .args(["-fd", "-pa", "0", "-x", &columns.to_string(), "-y", &rows.to_string(), "-vf"])
+            .arg(&path)
+            .output()
+            .expect("vwrays starts");
+        assert_eq!(out.stdout.len(), columns * rows * 48, "{options}: {out:?}");
+        for (i, ray) in out.stdout.chunks_exact(48).enumerate() {
+            let v: Vec<f64> = ray
+                .chunks_exact(8)
+                .map(|b| f64::from_le_bytes(b.try_into().expect("8 bytes")))
+                .collect();
+            let way = dvec3(v[3], v[4], v[5]);
+            let ours = view.ray(i % columns, i / columns);
+            assert_eq!(ours.is_none(), way == DVec3::ZERO, "{options}");
+            let Some(ours) = ours else { continue };
+            let apart = (ours.direction - way.normalize()).abs().max_element();
+            let origin = (ours.origin - dvec3(v[0], v[1], v[2])).abs().max_element();
+            assert!(apart < 1e-5 && origin < 1e-5, "{options} at {i}: {ours:?}, vwrays {v:?}");
+        }
+    }
+}
+
 #[test]
 fn points_on_rays_are_projected_back_to_their_pixels() {
     for options in VIEWS {

@@ -39,6 +39,8 @@ impl Reader<'_> {
             }
         };
         out.push(PlannedView {
+            fuse: false,
+            both: false,
             name: RECEIVERS.to_owned(),
             options: String::new(),
             view: self.no_view()?,
@@ -74,6 +76,8 @@ impl Reader<'_> {
             Error::Project { path: path.clone(), line: 0, column: 0, message: e.to_string() }
         })?;
         Ok(PlannedView {
+            fuse: false,
+            both: false,
             name: t.name.clone(),
             options: String::new(),
             view: self.no_view()?,

@@ -3,10 +3,10 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
-use super::Reader;
+use super::{Reader, view_file};
 use crate::base::limits;
 use crate::glare;
-use crate::render::{Estimator, Gather, Quantity, View};
+use crate::render::{EXACT_BITS, Estimator, Gather, Kernel, Quantity, View};
 use crate::run::Error;
 use crate::run::manifest::hash_path;
 use crate::run::project::{MaterialTable, ViewTable};
@@ -102,15 +102,6 @@ impl Reader<'_> {
     }
 
     fn view(&self, t: &ViewTable) -> Result<PlannedView, Error> {
-        if t.fuse {
-            return Err(self.later(t, "fuse", "leave it out: the series is kept"));
-        }
-        if t.view_file.is_some() {
-            return Err(self.later(t, "view_file", "write its options into `view`"));
-        }
-        let Some(options) = &t.view else {
-            return Err(self.wrong(format!("[[view]] \"{}\": expected `view`, found none", t.name)));
-        };
         let Some([columns, rows]) = t.size else {
             return Err(self.wrong(format!(
                 "[[view]] \"{}\": expected `size = [columns, rows]`, found none",
@@ -129,14 +120,21 @@ impl Reader<'_> {
                 limits::MAX_VIEW_PIXELS
             )));
         }
+        if t.fuse && t.both_quantities {
+            return Err(self.wrong(format!(
+                "view.{}: `fuse` keeps no series, so `both_quantities` has none to add; leave one out",
+                t.name
+            )));
+        }
         let annual = self.gather(t)?;
-        let view = View::parse(options, columns, rows)
-            .map_err(|e| self.wrong(format!("view.{}.view: {e}", t.name)))?;
+        let (options, view) = self.camera(t, columns, rows)?;
         Ok(PlannedView {
             name: t.name.clone(),
-            options: options.clone(),
+            options,
             view,
             annual,
+            fuse: t.fuse,
+            both: t.both_quantities,
             series_bandwidth: t.series_bandwidth,
             points: None,
             direct: t.estimator == "direct",
@@ -173,20 +171,81 @@ impl Reader<'_> {
                 self.wrong(format!("view.{}.max_radius_m: expected metres above 0", t.name))
             );
         }
+        if !(1..=EXACT_BITS).contains(&t.series_mantissa_bits) {
+            return Err(self.wrong(format!(
+                "view.{}.series_mantissa_bits: expected 1 to {EXACT_BITS}, found {}",
+                t.name, t.series_mantissa_bits
+            )));
+        }
         Ok(Gather {
             bandwidth: t.bandwidth,
             max_radius_m: t.max_radius_m,
             estimator,
-            ..Gather::default()
+            kernel: self.kernel(t)?,
+            normal_tolerance_deg: self.within(
+                t,
+                "normal_tolerance_deg",
+                t.normal_tolerance_deg,
+                1.0..=90.0,
+            )?,
+            plane_tolerance_m: if t.plane_tolerance_m == 0.0 {
+                None
+            } else {
+                Some(self.within(t, "plane_tolerance_m", t.plane_tolerance_m, 0.01..=100.0)?)
+            },
+            edges: t.edges,
+            mantissa_bits: t.series_mantissa_bits,
         })
     }
 
-    fn later(&self, t: &ViewTable, key: &str, instead: &str) -> Error {
-        Error::Unsupported(format!(
-            "{}: view.{}.{key}: this version can't do that yet; {instead}",
-            self.file.display(),
-            t.name
-        ))
+    /// A view and its options: as written, or of a view file or a picture.
+    fn camera(&self, t: &ViewTable, columns: usize, rows: usize) -> Result<(String, View), Error> {
+        let name = &t.name;
+        match (&t.view, &t.view_file) {
+            (Some(options), None) => {
+                let view = View::parse(options, columns, rows)
+                    .map_err(|e| self.wrong(format!("view.{name}.view: {e}")))?;
+                Ok((options.clone(), view))
+            }
+            (None, Some(path)) => {
+                let path = self.file.parent().unwrap_or(Path::new("")).join(path);
+                let view = view_file::read(&path, columns, rows).map_err(|what| {
+                    self.wrong(format!("view.{name}.view_file: {}: {what}", path.display()))
+                })?;
+                // What it says, not where it lies, decides what is made.
+                Ok((view.to_options(), view))
+            }
+            (both, _) => Err(self.wrong(format!(
+                "[[view]] \"{name}\": expected either `view` or `view_file`, found {}",
+                if both.is_some() { "both" } else { "none" }
+            ))),
+        }
+    }
+
+    fn kernel(&self, t: &ViewTable) -> Result<Kernel, Error> {
+        match t.kernel.as_str() {
+            "flat" => Ok(Kernel::Flat),
+            "epanechnikov" => Ok(Kernel::Epanechnikov),
+            other => Err(self.wrong(format!(
+                "view.{}.kernel: expected \"flat\" or \"epanechnikov\", found \"{other}\"",
+                t.name
+            ))),
+        }
+    }
+
+    fn within(
+        &self,
+        t: &ViewTable,
+        key: &str,
+        value: f32,
+        range: std::ops::RangeInclusive<f32>,
+    ) -> Result<f32, Error> {
+        if range.contains(&value) {
+            return Ok(value);
+        }
+        let (low, high) = (range.start(), range.end());
+        let name = &t.name;
+        Err(self.wrong(format!("view.{name}.{key}: expected {low} to {high}, found {value}")))
     }
 
     /// The pictures; sets of sensors apart.

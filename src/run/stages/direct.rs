@@ -14,8 +14,8 @@ use crate::run::job::{Job, Stage};
 use crate::run::resolve::{Candidate, PlannedView};
 use crate::run::{Error, Folder};
 
-/// Integrates a view; `sight` is kept from one to the next. The sums of the year wait, tile by tile, beside the series until all tiles
-/// are there: so an interrupted run needs no tile twice.
+/// Integrates a view; `sight` is kept from one to the next. The sums of the year wait, tile by
+/// tile, beside the series until all tiles are there: so an interrupted run needs no tile twice.
 pub(super) fn maps(
     job: &mut Job<'_>,
     candidate: &Candidate,
@@ -32,7 +32,7 @@ pub(super) fn maps(
     let waiting = job.folder.waiting_tiles(&candidate.name, &view.name);
     let folder = job.folder.prepare(&waiting.join("tile"))?;
     let folder = folder.parent().unwrap_or(Path::new("")).to_owned();
-    let writer = writer(job, candidate, view, &key, &hits)?;
+    let writer = writer(job, candidate, view, (&key, job.resolved.quantity), &hits)?;
     let site = job.site()?;
     let scene = DirectScene {
         site,
@@ -61,7 +61,7 @@ pub(super) fn maps(
     let mut outputs = annual(job, &folder, &hits, candidate, view, &key)?;
     outputs.push(job.folder.series(&candidate.name, &view.name));
     let about = [("material", candidate.name.as_str()), ("view", view.name.as_str())];
-    outputs.push(peak(job, candidate, view, &key, &about)?);
+    outputs.push(peak(job, candidate, view, (&key, &about), quantity)?);
     job.remove(&waiting)?;
     job.done(&unit, &key, &outputs, began, json!({ "series": written, "integrated": told }))
 }

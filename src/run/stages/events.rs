@@ -21,7 +21,7 @@ use crate::run::clock::Clock;
 use crate::run::job::Job;
 use crate::run::resolve::{Candidate, PlannedView};
 use crate::site::{Site, map_from_local};
-use crate::volume::Volume;
+use crate::volume::TimeAxis;
 
 /// Events that are taken into memory at a time; the peaks of a block that share a pixel share a
 /// search.
@@ -39,7 +39,7 @@ pub(super) fn write(
     view: &PlannedView,
     threshold: f64,
     analysis: &Analysis,
-    volume: &Volume,
+    axis: Option<&TimeAxis>,
 ) -> Result<Vec<PathBuf>, Error> {
     let name = |file: &str| job.folder.glare(&candidate.name, &view.name, threshold, file);
     let hits = read_hits(job, view)?;
@@ -61,7 +61,7 @@ pub(super) fn write(
         let events = analysis.events.iter()?.zip(&senders);
         let rows = events.map(|(event, sender)| Ok(told.columns(&event?, *sender)));
         let mut longer = Longer::new(out, rows);
-        glare::write_events(&mut longer, &analysis.events, volume.axis())
+        glare::write_events(&mut longer, &analysis.events, axis)
     })
     .map_err(|source: io::Error| Error::Write { path: path.clone(), source })?;
     let points = name("events.geojson");

@@ -1,16 +1,18 @@
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use serde_json::json;
 
-use super::render::attributes;
+use super::band::{self, Band};
+use super::fused;
+use super::render::{self, attributes};
 use crate::base::Grid;
 use crate::glare::{self, Analysis};
 use crate::picture::exr;
 use crate::run::Error;
 use crate::run::job::{Job, Stage};
 use crate::run::resolve::{Candidate, PlannedView};
-use crate::volume::Volume;
+use crate::volume::{TimeAxis, Volume};
 
 /// Analyses each candidate's series in each view, at each threshold.
 pub(in crate::run) fn glare(job: &mut Job<'_>) -> Result<(), Error> {
@@ -21,6 +23,10 @@ pub(in crate::run) fn glare(job: &mut Job<'_>) -> Result<(), Error> {
             for &threshold in &resolved.project.glare.thresholds_w_m2 {
                 let key = resolved.glare_key(&render_key, threshold)?;
                 let unit = format!("glare {} {} {threshold}", candidate.name, view.name);
+                if job.summary.made.contains(&unit) {
+                    // A fused view: analysed as rendered, just now.
+                    continue;
+                }
                 if job.needs(Stage::Glare, &unit, &key) {
                     one(job, candidate, view, threshold, &unit, &key)?;
                 }
@@ -39,6 +45,11 @@ fn one(
     key: &str,
 ) -> Result<(), Error> {
     let began = Instant::now();
+    if view.fuse {
+        // Rendered before, but not analysed at this threshold.
+        let analyses = render::fused(job, candidate, view, &[threshold])?.analyses;
+        return fused::record(job, candidate, view, &analyses, began);
+    }
     let volume = Volume::open(&job.folder.at(&job.folder.series(&candidate.name, &view.name)))?;
     let spill = job.folder.at(Path::new("run"));
     let mut settings = glare::Settings { threshold, spill, ..job.resolved.glare.clone() };
@@ -52,17 +63,31 @@ fn one(
         analysis.sustained.clone_from(&analysis.longest_run);
     }
     job.progress.finish();
+    let band = band::count(job, candidate, view, &volume, threshold)?;
+    let made = (&analysis, volume.axis(), &band);
+    let mut outputs = keep(job, candidate, view, (threshold, key), made)?;
+    if view.points.is_none() {
+        let folder = job.folder.glare(&candidate.name, &view.name, threshold, "");
+        let attributes = provenance(job, candidate, view, (threshold, key));
+        outputs.extend(super::year::write(job, &folder, &volume, threshold, &attributes)?);
+    }
+    let facts = json!({ "events": analysis.events.len(), "timesteps": steps });
+    job.done(unit, key, &outputs, began, facts)
+}
+
+/// Writes what an analysis found; the names of the files.
+pub(super) fn keep(
+    job: &Job<'_>,
+    candidate: &Candidate,
+    view: &PlannedView,
+    (threshold, key): (f64, &str),
+    (analysis, axis, band): (&Analysis, Option<&TimeAxis>, &Band),
+) -> Result<Vec<PathBuf>, Error> {
     let name = |file: &str| job.folder.glare(&candidate.name, &view.name, threshold, file);
     let step_h = job.timeline()?.step_h;
-    let about = [
-        ("material", candidate.name.as_str()),
-        ("view", view.name.as_str()),
-        ("threshold_w_m2", &threshold.to_string()),
-        ("quantity", job.resolved.project.glare.quantity.as_str()),
-    ];
-    let attributes = attributes(job, key, &about);
+    let attributes = provenance(job, candidate, view, (threshold, key));
     let mut outputs = Vec::new();
-    for (map, counts, hours) in hours(&analysis, step_h) {
+    for (map, counts, hours) in hours(analysis, step_h) {
         let npy = job.folder.prepare(&name(&format!("{map}.npy")))?;
         glintmap_formats::npy::write(&npy, &[counts.rows(), counts.columns()], counts.data())?;
         let exr_name = name(&format!("{map}.exr"));
@@ -71,11 +96,26 @@ fn one(
         outputs.extend([name(&format!("{map}.npy")), exr_name]);
     }
     if view.points.is_none() {
-        outputs.extend(super::events::write(job, candidate, view, threshold, &analysis, &volume)?);
-        outputs.extend(super::year::write(job, &name(""), &volume, threshold, &attributes)?);
+        outputs.extend(super::events::write(job, candidate, view, threshold, analysis, axis)?);
     }
-    let facts = json!({ "events": analysis.events.len(), "timesteps": steps });
-    job.done(unit, key, &outputs, began, facts)
+    outputs.push(band::write(job, candidate, view, (threshold, &attributes), band)?);
+    Ok(outputs)
+}
+
+/// What the files of an analysis say of where they come from.
+fn provenance(
+    job: &Job<'_>,
+    candidate: &Candidate,
+    view: &PlannedView,
+    (threshold, key): (f64, &str),
+) -> Vec<(String, String)> {
+    let about = [
+        ("material", candidate.name.as_str()),
+        ("view", view.name.as_str()),
+        ("threshold_w_m2", &threshold.to_string()),
+        ("quantity", job.resolved.project.glare.quantity.as_str()),
+    ];
+    attributes(job, key, &about)
 }
 
 /// Each duration map with its timesteps turned into hours. Cumulative hours carry the weight of

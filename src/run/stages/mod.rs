@@ -1,8 +1,10 @@
 //! One file a stage. Each asks the manifest what is current, calls the rooms, and records what
 //! they left behind.
 
+mod band;
 mod direct;
 mod events;
+mod fused;
 mod glare;
 mod judged;
 mod people;

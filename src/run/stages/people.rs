@@ -87,18 +87,14 @@ fn in_short(job: &Job<'_>, judgements: &[Judgement], all: &[(&Candidate, Receive
             let open = names(&|o| o == Outcome::NotEvaluated);
             let mut text = String::new();
             for (words, list) in
-                [("above it: ", &over), ("within it: ", &within), ("not evaluated: ", &open)]
+                [("Above it: ", &over), ("Within it: ", &within), ("Not evaluated: ", &open)]
             {
                 if !list.is_empty() {
-                    if !text.is_empty() {
-                        text += "; ";
-                    }
-                    text += words;
-                    text += &list.join(", ");
+                    text += &format!("{words}{}. ", list.join("; "));
                 }
             }
             if text.is_empty() {
-                text = "no limit applies".into();
+                text = "No limit applies.".into();
             }
             let mark = match (over.is_empty(), within.is_empty(), open.is_empty()) {
                 (false, _, _) => Mark::Exceeded,
@@ -108,7 +104,7 @@ fn in_short(job: &Job<'_>, judgements: &[Judgement], all: &[(&Candidate, Receive
             let today = if mine.iter().any(|j| j.reference) { " (for comparison)" } else { "" };
             points.push(Point {
                 lead: format!("{}{today}, {}:", candidate.name, rule.id),
-                text: format!("{text}."),
+                text: text.trim_end().to_owned(),
                 mark,
             });
         }

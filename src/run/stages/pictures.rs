@@ -164,10 +164,7 @@ fn all(job: &Job<'_>, file: &str, channel: &str) -> Result<Vec<Grid<f32>>, Error
 
 fn quantities(job: &Job<'_>) -> Result<Vec<Quantity>, Error> {
     let resolved = job.resolved;
-    let watts = match job.timeline()?.basis {
-        SpectralBasis::Visible => "visible W/m²",
-        SpectralBasis::Broadband => "W/m²",
-    };
+    let watts = watts(job.timeline()?.basis);
     let hours_unit = watts.replace("W/", "Wh/");
     let peak_channel = super::render::peak_channel(resolved.quantity);
     let what = super::render::quantity_words(resolved.quantity);
@@ -324,6 +321,14 @@ fn unfiltered(
         });
     }
     Ok(())
+}
+
+/// The unit of irradiance, for people.
+fn watts(basis: SpectralBasis) -> &'static str {
+    match basis {
+        SpectralBasis::Visible => "visible W/m²",
+        SpectralBasis::Broadband => "W/m²",
+    }
 }
 
 /// A logarithmic scale; what lies below it shows the background: there, single photons decide.

@@ -9,8 +9,9 @@ use super::direct;
 use crate::base::{Grid, SpectralBasis};
 use crate::pages::{Access, OpenOptions, Store};
 use crate::picture::{exr, hdr};
-use crate::render::{self, Gather, HitMap, Quantity, Surfaces};
+use crate::render::{self, Gather, HitMap, Quantity, Series, Surfaces};
 use crate::run::Error;
+use crate::run::cpu::Watch;
 use crate::run::job::{Job, Stage};
 use crate::run::manifest::key_of;
 use crate::run::resolve::{Candidate, PlannedView};
@@ -115,25 +116,46 @@ fn maps(job: &mut Job<'_>, candidate: &Candidate, view: &PlannedView) -> Result<
     }
     let began = Instant::now();
     let hits = read_hits(job, view)?;
-    let store_path = job.folder.at(&job.folder.store(&candidate.name));
-    let options = OpenOptions { cache_bytes: job.options.page_cache_bytes, access: Access::Mapped };
-    let store = Store::open(&store_path, &options)?;
+    let store = open_store(job, candidate)?;
     let about = [("material", candidate.name.as_str()), ("view", view.name.as_str())];
+    let about = (key.as_str(), &about[..]);
     let surfaces = view.annual.edges.then(|| job.site().map(Surfaces::of)).transpose()?;
-    let surfaces = surfaces.as_ref();
-    let mut outputs = annual(job, (&store, surfaces, &hits), candidate, view, &key, &about)?;
-    let quantity = job.resolved.quantity;
-    let steps = job.timeline()?.steps.len();
-    let bandwidth = view.series_bandwidth.unwrap_or_else(|| (3 * steps).max(4000));
-    let gather = Gather { bandwidth, ..view.annual };
-    let writer = writer(job, candidate, view, &key, &hits)?;
-    let told = render::series(&store, surfaces, &hits, &gather, quantity, &writer, job.progress)?;
-    job.progress.finish();
-    let written = writer.finish()?;
-    outputs.push(job.folder.series(&candidate.name, &view.name));
-    outputs.push(peak(job, candidate, view, &key, &about)?);
-    let share = told.summary.photons_per_lit_timestep();
+    let made_from = (&store, surfaces.as_ref(), &hits);
+    let watch = Watch::start();
+    let mut outputs = annual(job, made_from, candidate, view, about)?;
+    let annual_took = watch.read();
+    let watch = Watch::start();
+    let (series, written) = if view.fuse {
+        let thresholds = &job.resolved.project.glare.thresholds_w_m2;
+        let made = super::fused::analyse(job, made_from, &series_gather(job, view)?, thresholds)?;
+        job.progress.finish();
+        super::fused::record(job, candidate, view, &made.analyses, began)?;
+        let name = job.folder.map(&candidate.name, &view.name, "peak.exr");
+        let channel = peak_channel(job.resolved.quantity);
+        let path = job.folder.prepare(&name)?;
+        exr::write(&path, &[(channel, &made.peak)], &attributes(job, about.0, about.1))?;
+        outputs.push(name);
+        (made.series, json!({ "batches": made.batches }))
+    } else {
+        let quantity = job.resolved.quantity;
+        let made = written(job, made_from, candidate, view, (about, quantity), &mut outputs)?;
+        if view.both {
+            let other = match quantity {
+                Quantity::Surface => Quantity::Normal,
+                Quantity::Normal => Quantity::Surface,
+            };
+            written(job, made_from, candidate, view, (about, other), &mut outputs)?;
+        }
+        made
+    };
+    let series_took = watch.read();
+    let noise = job.folder.map(&candidate.name, &view.name, "noise.exr");
+    let channels = [("photon.w_m2", &series.photon_w_m2), ("series_radius.m", &series.radius_m)];
+    exr::write(&job.folder.prepare(&noise)?, &channels, &attributes(job, about.0, about.1))?;
+    outputs.push(noise);
+    let share = series.summary.photons_per_lit_timestep();
     if let Some(photons) = share.filter(|p| *p < 10.0) {
+        let bandwidth = series_gather(job, view)?.bandwidth;
         job.warn(format!(
             "{} {}: {photons:.1} photons for each timestep that is lit at a pixel (bandwidth {bandwidth}); below 10 noise decides about durations: store more photons and raise series_bandwidth",
             candidate.name, view.name
@@ -141,11 +163,71 @@ fn maps(job: &mut Job<'_>, candidate: &Candidate, view: &PlannedView) -> Result<
     }
     let facts = json!({
         "cache": store.cache_stats(),
+        "annual": annual_took,
+        "series_took": series_took,
         "series": written,
-        "gathered": told.summary,
+        "gathered": series.summary,
         "photons_per_lit_timestep": share,
     });
     job.done(&unit, &key, &outputs, began, facts)
+}
+
+/// Analyses a fused view again.
+pub(super) fn fused(
+    job: &Job<'_>,
+    candidate: &Candidate,
+    view: &PlannedView,
+    thresholds: &[f64],
+) -> Result<super::fused::Made, Error> {
+    let hits = read_hits(job, view)?;
+    let store = open_store(job, candidate)?;
+    let surfaces = view.annual.edges.then(|| job.site().map(Surfaces::of)).transpose()?;
+    let gather = series_gather(job, view)?;
+    super::fused::analyse(job, (&store, surfaces.as_ref(), &hits), &gather, thresholds)
+}
+
+fn open_store(job: &Job<'_>, candidate: &Candidate) -> Result<Store, Error> {
+    let path = job.folder.at(&job.folder.store(&candidate.name));
+    let options = OpenOptions { cache_bytes: job.options.page_cache_bytes, access: Access::Mapped };
+    Ok(Store::open(&path, &options)?)
+}
+
+/// How the series of a view is gathered.
+fn series_gather(job: &Job<'_>, view: &PlannedView) -> Result<Gather, Error> {
+    let steps = job.timeline()?.steps.len();
+    let bandwidth = view.series_bandwidth.unwrap_or_else(|| (3 * steps).max(4000));
+    Ok(Gather { bandwidth, ..view.annual })
+}
+
+type MadeFrom<'a> = (&'a Store, Option<&'a Surfaces<'a>>, &'a HitMap);
+type KeyAndAbout<'a> = (&'a str, &'a [(&'a str, &'a str)]);
+
+/// Writes the series, and the peak of it.
+fn written(
+    job: &Job<'_>,
+    (store, surfaces, hits): MadeFrom<'_>,
+    candidate: &Candidate,
+    view: &PlannedView,
+    (about, quantity): (KeyAndAbout<'_>, Quantity),
+    outputs: &mut Vec<PathBuf>,
+) -> Result<(Series, serde_json::Value), Error> {
+    let gather = series_gather(job, view)?;
+    let writer = writer(job, candidate, view, (about.0, quantity), hits)?;
+    let told = render::series(store, surfaces, hits, &gather, quantity, &writer, job.progress)?;
+    job.progress.finish();
+    let written = writer.finish()?;
+    outputs.push(job.folder.map(&candidate.name, &view.name, names(job, quantity).0));
+    outputs.push(peak(job, candidate, view, about, quantity)?);
+    Ok((told, json!(written)))
+}
+
+/// Names of the series and the peak of a quantity.
+fn names(job: &Job<'_>, quantity: Quantity) -> (&'static str, &'static str) {
+    match quantity {
+        _ if quantity == job.resolved.quantity => ("series.zarr", "peak.exr"),
+        Quantity::Surface => ("series_surface.zarr", "peak_surface.exr"),
+        Quantity::Normal => ("series_normal.zarr", "peak_normal.exr"),
+    }
 }
 
 /// The series of a view: begun, or gone on with where it was made from the same settings.
@@ -153,15 +235,19 @@ pub(super) fn writer(
     job: &Job<'_>,
     candidate: &Candidate,
     view: &PlannedView,
-    key: &str,
+    (key, quantity): (&str, Quantity),
     hits: &HitMap,
 ) -> Result<Writer, Error> {
     let about = [("material", candidate.name.as_str()), ("view", view.name.as_str())];
-    let name = job.folder.series(&candidate.name, &view.name);
+    let name = job.folder.map(&candidate.name, &view.name, names(job, quantity).0);
     let path = job.folder.prepare(&name)?;
-    let provenance = job.provenance(key, &about);
+    let mut provenance = job.provenance(key, &about);
+    if view.annual.mantissa_bits < render::EXACT_BITS {
+        let most = format!("2^-{}", view.annual.mantissa_bits + 1);
+        provenance.about.insert("largest_relative_error".to_owned(), most);
+    }
     let (columns, rows) = (hits.columns, hits.rows);
-    let quantity = written_quantity(job.resolved.quantity);
+    let quantity = written_quantity(quantity);
     let create =
         |timeline| Writer::create_or_resume(&path, timeline, columns, rows, quantity, &provenance);
     match create(job.timeline()?) {
@@ -176,11 +262,10 @@ pub(super) fn writer(
 
 fn annual(
     job: &Job<'_>,
-    (store, surfaces, hits): (&Store, Option<&Surfaces<'_>>, &HitMap),
+    (store, surfaces, hits): MadeFrom<'_>,
     candidate: &Candidate,
     view: &PlannedView,
-    key: &str,
-    about: &[(&str, &str)],
+    (key, about): (&str, &[(&str, &str)]),
 ) -> Result<Vec<PathBuf>, Error> {
     let weights: Vec<f64> = job.timeline()?.steps.iter().map(|s| s.weight_h).collect();
     let annual = render::annual(store, surfaces, hits, &weights, &view.annual, job.progress)?;
@@ -193,7 +278,10 @@ fn annual(
         ("radius.m", &annual.radius_m),
         ("standard_error.wh_m2", &annual.error),
     ];
-    exr::write(&path, &channels, &attributes(job, key, about))?;
+    let mut attributes = attributes(job, key, about);
+    // What `view_file` reads.
+    attributes.push(("VIEW".to_owned(), view.view.to_options()));
+    exr::write(&path, &channels, &attributes)?;
     let grey = annual.surface.map(|v| [*v; 3]);
     let mut lines = vec![
         format!("SOFTWARE= {}", crate::base::Provenance::PROGRAM),
@@ -217,16 +305,18 @@ pub(super) fn peak(
     job: &Job<'_>,
     candidate: &Candidate,
     view: &PlannedView,
-    key: &str,
-    about: &[(&str, &str)],
+    (key, about): KeyAndAbout<'_>,
+    quantity: Quantity,
 ) -> Result<PathBuf, Error> {
-    let volume = Volume::open(&job.folder.at(&job.folder.series(&candidate.name, &view.name)))?;
+    let (series, map) = names(job, quantity);
+    let map_of = |name| job.folder.map(&candidate.name, &view.name, name);
+    let volume = Volume::open(&job.folder.at(&map_of(series)))?;
     let peak = volume.peak(job.progress)?;
     job.progress.finish();
-    let name = job.folder.map(&candidate.name, &view.name, "peak.exr");
-    let channel = peak_channel(job.resolved.quantity);
-    exr::write(&job.folder.prepare(&name)?, &[(channel, &peak)], &attributes(job, key, about))?;
-    Ok(name)
+    let channel = peak_channel(quantity);
+    let path = job.folder.prepare(&map_of(map))?;
+    exr::write(&path, &[(channel, &peak)], &attributes(job, key, about))?;
+    Ok(map_of(map))
 }
 
 /// Name of the channel of `peak.exr`.

@@ -9,7 +9,7 @@ use super::judged::{self, Judgement};
 use super::people;
 use super::photons::Traced;
 use super::pictures::read;
-use crate::base::{Grid, Provenance};
+use crate::base::{Grid, Provenance, SpectralBasis};
 use crate::report::{Document, Figure, Section, Table, html};
 use crate::run::Error;
 use crate::run::clock::Clock;
@@ -274,6 +274,9 @@ fn limits_of_it(job: &Job<'_>) -> Section {
         "The noise of a value is that of its photons: all irradiances two standard errors lower, and two higher. It doesn't hold what the model leaves out.".into(),
         "Rules are judged at the point of an observer or region where each value is largest, unfiltered unless the rule asks for the filter; there it runs over time alone. A photon store knows light only where it lands: points in free air are not evaluated. Rules that need luminance or the hazard to the eye are not evaluated.".into(),
     ];
+    if matches!(job.timeline().map(|t| t.basis), Ok(SpectralBasis::Visible)) {
+        text.push("Irradiances are visible watts of Radiance's gensky, about half of the full spectrum: held against thresholds that mean the full one, they come out too low.".into());
+    }
     if p.time.half_year {
         text.push("Half a year was computed and counted twice (Equation (1) of the paper). Hours of the year come out 20 to 50 % too high where glare is a matter of summer, and dates of the other half are not known.".into());
     }

@@ -119,6 +119,7 @@ struct Board<'a> {
     clock: Clock,
     /// Days that a timestep stands for.
     days: f64,
+    watts: &'static str,
 }
 
 impl<'a> Board<'a> {
@@ -128,7 +129,8 @@ impl<'a> Board<'a> {
         days.dedup();
         let gap = days.windows(2).map(|d| d[1] - d[0]).min().unwrap_or(1);
         let clock = Clock::new(&job.resolved.project.site, timeline.year);
-        Ok(Self { job, timeline, clock, days: f64::from(gap) })
+        let watts = super::watts(timeline.basis);
+        Ok(Self { job, timeline, clock, days: f64::from(gap), watts })
     }
 
     fn cell(&self, timestep: usize, color: [u8; 3]) -> Option<Cell> {
@@ -188,6 +190,7 @@ impl<'a> Board<'a> {
     }
 
     fn by_strength(&self, chart: &mut Chart, lit: &[Lit], thresholds: &[f64]) {
+        let watts = self.watts;
         let level = |value: f64| thresholds.iter().filter(|t| value > **t).count();
         let color = |level: usize| match level {
             0 => BELOW,
@@ -203,13 +206,13 @@ impl<'a> Board<'a> {
         chart.key.push(swatch(NIGHT, "night, or not computed".into()));
         chart.key.push(swatch(DAYLIGHT, "sun above the horizon".into()));
         match thresholds.first() {
-            Some(t) => chart.key.push(swatch(BELOW, format!("lit, at most {t} W/m²"))),
+            Some(t) => chart.key.push(swatch(BELOW, format!("lit, at most {t} {watts}"))),
             None => chart.key.push(swatch(BELOW, "lit".into())),
         }
         for (i, t) in thresholds.iter().enumerate() {
             let label = match thresholds.get(i + 1) {
-                Some(next) => format!("above {t} to {next} W/m²"),
-                None => format!("above {t} W/m²"),
+                Some(next) => format!("above {t} to {next} {watts}"),
+                None => format!("above {t} {watts}"),
             };
             chart.key.push(swatch(color(i + 1), label));
         }
@@ -240,7 +243,8 @@ impl<'a> Board<'a> {
         chart.caption.insert(
             0,
             format!(
-                "The PV surface that sends most of the light, where it exceeds {threshold} W/m²."
+                "The PV surface that sends most of the light, where it exceeds {threshold} {}.",
+                self.watts
             ),
         );
     }

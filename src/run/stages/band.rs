@@ -1,0 +1,187 @@
+//! Hours above a threshold with what noise leaves open: at least, as measured, at most.
+
+use std::path::PathBuf;
+
+use rayon::prelude::*;
+
+use super::pictures;
+use crate::base::{Grid, Progress, TileRect, limits, tiles};
+use crate::glare::Slices;
+use crate::picture::exr;
+use crate::render;
+use crate::run::Error;
+use crate::run::job::Job;
+use crate::run::resolve::{Candidate, PlannedView};
+
+/// Slices that are read together.
+const TOGETHER_BYTES: usize = 32 << 20;
+
+/// Unfiltered hours of the year above a threshold, for each pixel: with two standard errors taken
+/// off every value, as they are, and with two added. A limit between the first and the last is
+/// undecided.
+#[derive(Clone, Debug)]
+pub struct Band {
+    /// At least, h.
+    pub low_h: Grid<f32>,
+    /// As the photons say, h.
+    pub hours_h: Grid<f32>,
+    /// At most, h.
+    pub high_h: Grid<f32>,
+}
+
+impl Band {
+    #[cfg_attr(
+        not(test),
+        expect(dead_code, reason = "for verdicts, which say where noise decides")
+    )]
+    /// Whether noise decides if `limit_h` is exceeded at a pixel; `None` where it does.
+    pub fn exceeds(&self, pixel: (usize, usize), limit_h: f32) -> Option<bool> {
+        match (self.low_h[pixel] > limit_h, self.high_h[pixel] > limit_h) {
+            (true, _) => Some(true),
+            (_, false) => Some(false),
+            _ => None,
+        }
+    }
+}
+
+/// Counts hours slice by slice.
+pub(super) struct Counter {
+    /// For each pixel the three irradiances that are exceeded or not.
+    limits: Vec<[f32; 3]>,
+    hours: Vec<[f64; 3]>,
+    size: (usize, usize),
+}
+
+impl Counter {
+    /// For a threshold and the irradiance that a photon stands for.
+    pub fn new(threshold_w_m2: f64, photon_w_m2: &Grid<f32>) -> Self {
+        let limits = photon_w_m2.data().iter().map(|&photon| {
+            let (low, high) = render::undecided(threshold_w_m2, photon);
+            [high, threshold_w_m2 as f32, low]
+        });
+        Self {
+            limits: limits.collect(),
+            hours: vec![[0.0; 3]; photon_w_m2.data().len()],
+            size: (photon_w_m2.columns(), photon_w_m2.rows()),
+        }
+    }
+
+    /// Adds a timestep that stands for `weight_h`.
+    pub fn push(&mut self, slice: &[f32], weight_h: f64) {
+        let pixels = self.hours.par_iter_mut().zip(&self.limits).zip(slice);
+        pixels.with_min_len(1 << 15).for_each(|((hours, limits), &value)| {
+            if value > limits[2] {
+                for (hours, limit) in hours.iter_mut().zip(limits) {
+                    *hours += if value > *limit { weight_h } else { 0.0 };
+                }
+            }
+        });
+    }
+
+    pub fn finish(self) -> Band {
+        let (columns, rows) = self.size;
+        let grid = |i: usize| {
+            let hours = self.hours.iter().map(|h| h[i] as f32).collect();
+            Grid::from_vec(columns, rows, hours)
+        };
+        Band { low_h: grid(0), hours_h: grid(1), high_h: grid(2) }
+    }
+}
+
+/// Hands the slices of a source on, one by one.
+pub(super) fn each_slice(
+    source: &dyn Slices,
+    range: std::ops::Range<usize>,
+    progress: &dyn Progress,
+    mut each: impl FnMut(usize, &[f32]),
+) -> Result<(), Error> {
+    let [_, rows, columns] = source.shape();
+    let pixels = rows * columns;
+    let blocks: Vec<TileRect> = tiles(columns, rows, limits::TILE_EDGE);
+    let unit = source.chunk_timesteps().max(1);
+    let step = (TOGETHER_BYTES / 4 / pixels / unit).max(1) * unit;
+    let mut numbers = vec![0.0f32; step.min(range.len()) * pixels];
+    let mut lit = vec![false; step.min(range.len()) * blocks.len()];
+    let mut first = range.start;
+    while first < range.end {
+        progress.check()?;
+        let last = (first / unit * unit + step).min(range.end);
+        let (count, part) = (last - first, &mut numbers[..(last - first) * pixels]);
+        source
+            .read_lit(first..last, part, &mut lit[..count * blocks.len()])
+            .map_err(crate::glare::Error::from)?;
+        for (i, slice) in part.chunks_exact(pixels).enumerate() {
+            each(first + i, slice);
+        }
+        first = last;
+    }
+    Ok(())
+}
+
+/// Counts the hours of a threshold over a whole series.
+pub(super) fn count(
+    job: &Job<'_>,
+    candidate: &Candidate,
+    view: &PlannedView,
+    source: &dyn Slices,
+    threshold_w_m2: f64,
+) -> Result<Band, Error> {
+    let name = job.folder.map(&candidate.name, &view.name, "noise.exr");
+    let photon = pictures::read(job, &name, "photon.w_m2")?;
+    let mut counter = Counter::new(threshold_w_m2, &photon);
+    let steps = &job.timeline()?.steps;
+    each_slice(source, 0..source.shape()[0], job.progress, |t, slice| {
+        counter.push(slice, steps.get(t).map_or(0.0, |s| s.weight_h));
+    })?;
+    Ok(counter.finish())
+}
+
+/// Writes `band.exr`.
+pub(super) fn write(
+    job: &Job<'_>,
+    candidate: &Candidate,
+    view: &PlannedView,
+    (threshold, attributes): (f64, &[(String, String)]),
+    band: &Band,
+) -> Result<PathBuf, Error> {
+    let name = job.folder.glare(&candidate.name, &view.name, threshold, "band.exr");
+    let channels = [("low.h", &band.low_h), ("hours.h", &band.hours_h), ("high.h", &band.high_h)];
+    exr::write(&job.folder.prepare(&name)?, &channels, attributes)?;
+    Ok(name)
+}
+
+/// Reads what [`write`] wrote.
+///
+/// # Errors
+/// A file that isn't there or can't be read.
+#[expect(dead_code, reason = "for verdicts, which say where noise decides")]
+pub(super) fn read(
+    job: &Job<'_>,
+    candidate: &Candidate,
+    view: &PlannedView,
+    threshold: f64,
+) -> Result<Band, Error> {
+    let name = job.folder.glare(&candidate.name, &view.name, threshold, "band.exr");
+    let channel = |channel: &str| pictures::read(job, &name, channel);
+    Ok(Band { low_h: channel("low.h")?, hours_h: channel("hours.h")?, high_h: channel("high.h")? })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_lies_near_the_threshold_is_left_open() {
+        // One photon is 0.4 W/m2: at 10 W/m2 the band reaches from 6.4 to 14.4 or so.
+        let photon = Grid::filled(3, 1, 0.4f32);
+        let mut counter = Counter::new(10.0, &photon);
+        counter.push(&[5.0, 9.0, 30.0], 0.5);
+        counter.push(&[0.0, 11.0, 14.6], 0.25);
+        let band = counter.finish();
+        assert_eq!(band.low_h.data(), [0.0, 0.0, 0.75]);
+        assert_eq!(band.hours_h.data(), [0.0, 0.25, 0.75]);
+        assert_eq!(band.high_h.data(), [0.0, 0.75, 0.75]);
+        let say = |x: usize| band.exceeds((x, 0), 0.5);
+        assert_eq!([say(0), say(1), say(2)], [Some(false), None, Some(true)]);
+    }
+}

@@ -1,0 +1,54 @@
+//! A view that is analysed as rendered, without a series.
+
+use std::path::Path;
+
+use crate::support::program::{project, say, succeed};
+
+fn run(folder: &Path, more: &[&str]) {
+    let folder = folder.to_str().expect("a path of text");
+    let all = [&["run", folder, "--until", "glare", "--quiet"], more].concat();
+    succeed(&all);
+}
+
+/// Written series or batches of any size: the same counts, the same events, the same peak.
+#[test]
+fn a_fused_view_gives_what_the_series_gives() {
+    let (_keep, written) = project("tiny");
+    run(&written, &[]);
+    let of = |folder: &Path, name: &str| {
+        let path = folder.join("run/standard/plan").join(name);
+        std::fs::read(&path).unwrap_or_else(|e| panic!("{}: {e}", path.display()))
+    };
+    for memory in ["1GiB", "48MiB"] {
+        let (_keep, fused) = project("tiny");
+        run(&fused, &["--set", "view.plan.fuse=true", "--memory", memory]);
+        assert!(!fused.join("run/standard/plan/series.zarr").exists(), "no series is kept");
+        for threshold in ["10", "30"] {
+            for file in ["cumulative.npy", "sustained.npy", "longest_run.npy", "events.csv"] {
+                let name = format!("glare-{threshold}/{file}");
+                assert!(of(&written, &name) == of(&fused, &name), "{name} at {memory}");
+            }
+        }
+        // Another threshold later: analysed again, the rest is current.
+        let again = ["--set", "view.plan.fuse=true", "--set", "glare.thresholds_w_m2=[10.0, 20.0]"];
+        run(&fused, &again);
+        assert!(fused.join("run/standard/plan/glare-20/cumulative.npy").exists());
+    }
+}
+
+#[test]
+fn what_makes_no_sense_is_refused_by_name() {
+    let (_keep, folder) = project("tiny");
+    let folder = folder.to_str().expect("a path of text");
+    for (set, expected) in [
+        ("view.plan.kernel=\"gauss\"", "epanechnikov"),
+        ("view.plan.normal_tolerance_deg=0.0", "1 to 90"),
+        ("view.plan.plane_tolerance_m=-1.0", "plane_tolerance_m"),
+        ("view.plan.series_mantissa_bits=0", "1 to 23"),
+        ("view.plan.view_file=\"x.vf\"", "either `view` or `view_file`"),
+    ] {
+        let said = say(&["plan", folder, "--set", set]);
+        assert_eq!(said.code, 2, "{set}: {}", said.err);
+        assert!(said.err.contains(expected), "{set}: {}", said.err);
+    }
+}

@@ -84,6 +84,17 @@ fn told(summary: &Summary, until: Stage) -> String {
         (made, 0) => writeln!(text, "made {made} units"),
         (made, current) => writeln!(text, "made {made} units, {current} were up to date"),
     };
+    let cache = summary.page_cache;
+    if cache.hits + cache.misses > 0 {
+        let _ = writeln!(
+            text,
+            "photon pages: {} hits, {} misses, {} evictions; {} MiB decompressed",
+            cache.hits,
+            cache.misses,
+            cache.evictions,
+            cache.decompressed_bytes >> 20
+        );
+    }
     if summary.draft {
         let _ =
             writeln!(text, "draft, not for assessment: fewer than 4 million photons a material");

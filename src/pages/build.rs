@@ -11,11 +11,13 @@ use glintmap_formats::{gmp, header, seal};
 use rayon::prelude::*;
 
 use super::Error;
+use super::bucket::Bucket;
 use super::facts::{About, Facts, Layout, Sums};
 use super::morton::{Cube, LEVELS};
 use super::page;
+use super::parting::{Parting, SPLIT_LEVELS, SPLIT_PREFIX};
 use super::sort::{Merged, Sorted};
-use super::spill::{Bucket, Parting, SPLIT_LEVELS, SPLIT_PREFIX, SpillSummary, discard};
+use super::spill::{SpillSummary, discard};
 use super::tree::{Leaf, cut, nodes};
 use crate::base::{Photon, Progress};
 

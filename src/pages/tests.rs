@@ -1,5 +1,9 @@
 //! Spill, build, search: each held against a slow twin that knows no pages.
 
+mod caustics;
+mod shared;
+mod timesteps;
+
 use std::path::{Path, PathBuf};
 
 use glam::Vec3;
@@ -381,6 +385,19 @@ fn a_spill_goes_on_from_its_checkpoint() {
     assert_eq!(note, "nine");
     spill.accept(&all[9000..]).expect("takes");
     assert_eq!(spill.finish().expect("completes"), expected);
+    // Killed inside of the next checkpoint: its beginning lies beside the one that holds.
+    std::fs::write(cut.join("checkpoint.json.tmp"), b"{\"note\": \"te").expect("writes");
+    let (mut spill, _) = resume(BOUNDS, "nine").expect("goes on");
+    spill.accept(&all[9000..12_000]).expect("takes");
+    spill.checkpoint("twelve").expect("seals");
+    drop(spill);
+    let (mut spill, _) = resume(BOUNDS, "twelve").expect("goes on");
+    spill.accept(&all[12_000..]).expect("takes");
+    assert_eq!(spill.finish().expect("completes"), expected);
+    let (mut spill, _) = resume(BOUNDS, "twelve").expect("goes on");
+    spill.accept(&all[12_000..]).expect("takes");
+    spill.checkpoint("nine").expect("seals");
+    drop(spill);
     // Once more from there, although it was completed; then with a file cut short.
     let (mut spill, _) = resume(BOUNDS, "nine").expect("goes on");
     assert!(matches!(SpillSummary::read(&cut), Err(Error::Unfinished { .. })));

@@ -3,6 +3,7 @@
 mod beam;
 mod bsdf;
 pub mod bsdf_files;
+mod bsdf_models;
 mod case_study;
 mod case_study_photons;
 mod render;

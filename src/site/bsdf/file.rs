@@ -87,6 +87,8 @@ pub struct Block {
     pub table: std::sync::Arc<Table>,
     /// Largest share of light that the file's values scatter, before it was cut to 1.
     pub most_scattered: f64,
+    /// Taken from the other direction, as light may go either way: the file hasn't it.
+    pub reciprocal: bool,
 }
 
 /// A BSDF file as WINDOW and Radiance write it.
@@ -448,6 +450,12 @@ impl Reader<'_, '_> {
                 100.0 * most_scattered
             ));
         }
-        Ok(Block { spectrum, way, table: std::sync::Arc::new(table), most_scattered })
+        Ok(Block {
+            spectrum,
+            way,
+            table: std::sync::Arc::new(table),
+            most_scattered,
+            reciprocal: false,
+        })
     }
 }

@@ -25,11 +25,34 @@ pub struct Reciprocity {
     pub most: f64,
 }
 
-fn from_angle(polar_deg: f64, turns: f64) -> DVec3 {
+pub(super) fn from_angle(polar_deg: f64, turns: f64) -> DVec3 {
     let (cos, sin) = on_circle(turns);
     let polar = polar_deg.to_radians();
     let radius = libm::sin(polar);
     DVec3::new(radius * cos, radius * sin, libm::cos(polar))
+}
+
+impl Reciprocity {
+    /// Compares 20,000 pairs of directions both ways.
+    pub fn of(value: impl Fn(DVec3, DVec3) -> f64) -> Self {
+        let (mut difference, mut sum, mut most) = (0.0, 0.0, 0.0_f64);
+        for n in 0..PAIRS {
+            let mut random = Stream::new(0, Purpose::Survey, n);
+            let mut next = || {
+                let (u, v) = (random.uniform(), random.uniform());
+                on_hemisphere(u, v)
+            };
+            let (a, b) = (next(), next());
+            let (there, back) = (value(a, b), value(b, a));
+            let off = (there - back).abs();
+            difference += off;
+            sum += 0.5 * (there + back);
+            if there + back > 0.0 {
+                most = most.max(off / (there + back));
+            }
+        }
+        Self { mean: if sum > 0.0 { difference / sum } else { 0.0 }, most }
+    }
 }
 
 impl Measured {
@@ -42,27 +65,6 @@ impl Measured {
             out = [out[0].min(total), out[1] + total / f64::from(AROUND), out[2].max(total)];
         }
         out
-    }
-
-    /// Compares 20,000 pairs of directions both ways.
-    pub fn reciprocity(&self) -> Reciprocity {
-        let (mut difference, mut sum, mut most) = (0.0, 0.0, 0.0_f64);
-        for n in 0..PAIRS {
-            let mut random = Stream::new(0, Purpose::Survey, n);
-            let mut next = || {
-                let (u, v) = (random.uniform(), random.uniform());
-                on_hemisphere(u, v)
-            };
-            let (a, b) = (next(), next());
-            let (there, back) = (self.evaluate(a, b), self.evaluate(b, a));
-            let off = (there - back).abs();
-            difference += off;
-            sum += 0.5 * (there + back);
-            if there + back > 0.0 {
-                most = most.max(off / (there + back));
-            }
-        }
-        Reciprocity { mean: if sum > 0.0 { difference / sum } else { 0.0 }, most }
     }
 
     /// Width of the cells that light from a polar angle is scattered into about its mirror

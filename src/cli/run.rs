@@ -28,6 +28,9 @@ pub(super) struct How {
     #[arg(long, value_name = "STAGE", value_parser = stage())]
     force: Option<Stage>,
     /// Trace only the I-th of N shares of the photons (with --until trace)
+    ///
+    /// Each share can be traced on another machine, if all see the project's folder. A run without
+    /// it joins them, and goes on with the same bytes as if one machine had traced everything.
     #[arg(long, value_name = "I/N", requires = "until")]
     shard: Option<Shard>,
     /// Override a key of the project file; tables by name, TOML values

@@ -61,9 +61,9 @@ const COLOURS: [Color; 8] = [
 /// Lengths of dashes and gaps.
 const DASHES: [&[f64]; 4] = [&[], &[9.0, 5.0], &[2.0, 4.5], &[11.0, 4.5, 2.0, 4.5]];
 const GRID: Color = [0xdf, 0xe2, 0xe7];
-const WIDTH: f64 = 820.0;
-const OUTER: f64 = 320.0;
-const CENTRE: (f64, f64) = (410.0, 436.0);
+const WIDTH: f64 = 900.0;
+const OUTER: f64 = 310.0;
+const CENTRE: (f64, f64) = (450.0, 448.0);
 const DECADES: i32 = 5;
 /// Pixels of a PNG for each unit of the drawing.
 const FINE: f64 = 2.0;
@@ -168,8 +168,8 @@ impl Polar {
     fn strokes(&self) -> Vec<Stroke> {
         let span = Span::of(self);
         let note = match self.radius {
-            Radius::Logarithmic => "radius logarithmic",
-            Radius::Linear => "radius linear",
+            Radius::Logarithmic => "radius logarithmic; arrows: where the light comes from",
+            Radius::Linear => "radius linear; arrows: where the light comes from",
         };
         let mut out = vec![
             Stroke::Text {
@@ -208,10 +208,10 @@ impl Polar {
             let (dashes, width) = (curve.dashes, 2.0);
             out.push(Stroke::Line { points: points.collect(), colour, width, dashes });
             let y = CENTRE.1 + 62.0 + LINE_OF_LEGEND * i as f64;
-            let sample = vec![(90.0, y - 4.5), (140.0, y - 4.5)];
+            let sample = vec![(140.0, y - 4.5), (190.0, y - 4.5)];
             out.push(Stroke::Line { points: sample, colour, width: 2.5, dashes });
             out.push(Stroke::Text {
-                at: (152.0, y),
+                at: (202.0, y),
                 text: curve.label.clone(),
                 size: 13.5,
                 colour: INK,
@@ -307,9 +307,9 @@ impl Polar {
 
 /// Where light comes from: an arrow outside the half circle, pointing at its middle.
 fn arrow(angle_deg: f64, dashes: usize) -> Vec<Stroke> {
-    let (tail, tip) = (place(-angle_deg, OUTER + 74.0), place(-angle_deg, OUTER + 36.0));
-    let wing = |by: f64| place(-angle_deg + by, OUTER + 47.0);
-    let text_at = place(-angle_deg, OUTER + 82.0);
+    let (tail, tip) = (place(-angle_deg, OUTER + 70.0), place(-angle_deg, OUTER + 34.0));
+    let wing = |by: f64| place(-angle_deg + by, OUTER + 44.0);
+    let text_at = place(-angle_deg, OUTER + 76.0);
     let anchor = if angle_deg < 5.0 { Anchor::Middle } else { Anchor::End };
     let colour = INK;
     vec![
@@ -317,7 +317,7 @@ fn arrow(angle_deg: f64, dashes: usize) -> Vec<Stroke> {
         line(vec![wing(-0.9), tip, wing(0.9)], colour, 1.6),
         Stroke::Text {
             at: (text_at.0, text_at.1 + 4.0),
-            text: format!("light at {angle_deg}°"),
+            text: format!("{angle_deg}°"),
             size: 12.5,
             colour,
             anchor,

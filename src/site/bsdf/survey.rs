@@ -13,7 +13,9 @@ const PAIRS: u64 = 20_000;
 /// Azimuths that a total is taken over.
 const AROUND: u32 = 64;
 /// Share of the light in one cell from which on the cell decides the lobe's width.
-const CONCENTRATED: f64 = 0.3;
+const CONCENTRATED: f64 = 0.2;
+/// The sun's disc; no reflection of it is narrower.
+const SUN_DEG: f64 = 0.53;
 
 /// How far values are from `f(a, b) = f(b, a)`.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
@@ -81,8 +83,10 @@ impl Measured {
                 (m.outgoing.width_deg(polar_deg), share)
             }
             Table::Tree(t) => {
-                // A cell of the square, seen as an angle about the normal.
-                let width = 2.0 * libm::asin(1.0 / f64::from(1_u32 << t.levels().min(20)));
+                // A cell of the square about the mirror direction, in the plane of incidence.
+                let half = 1.0 / f64::from(1_u32 << t.levels().min(20));
+                let sin = libm::sin(polar_deg.to_radians());
+                let width = libm::asin((sin + half).min(1.0)) - libm::asin((sin - half).max(-1.0));
                 let share = (0..AROUND)
                     .map(|i| t.peak_share(from_angle(polar_deg, f64::from(i) / f64::from(AROUND))))
                     .fold(0.0, f64::max);
@@ -96,9 +100,9 @@ impl Measured {
         let mut notes = Vec::new();
         for polar_deg in ANGLES_DEG {
             let (width_deg, share) = self.cell_at(polar_deg);
-            if share > CONCENTRATED && width_deg > 1.0 {
+            if share > CONCENTRATED && width_deg > SUN_DEG {
                 notes.push(format!(
-                    "at {polar_deg} degrees of incidence up to {:.0} % of the scattered light lies in one cell, {width_deg:.1} degrees wide: the reflection is narrower than the file can say, glare comes out wider and weaker",
+                    "at {polar_deg} degrees of incidence up to {:.0} % of the scattered light lies in one cell, {width_deg:.1} degrees wide (the sun: {SUN_DEG}): the reflection is narrower than the file can say, glare comes out wider and weaker",
                     100.0 * share
                 ));
                 break;

@@ -125,6 +125,8 @@ fn goniophotometer_data_become_the_same_lobe_as_with_pabopto2bsdf() {
     fs::write(&sir, out.stdout).unwrap();
     let out = Command::new(radiance.join("bin/bsdf2ttree"))
         .args(["-g", "5", "-t", "0"])
+        // It starts another of Radiance's programs.
+        .env("PATH", radiance.join("bin"))
         .arg(&sir)
         .output()
         .unwrap();

@@ -105,7 +105,7 @@ fn instants_of_pvgis_are_utcs() {
         records.iter().enumerate().filter(|&x| wrong(x)).count()
     };
     let (right, local, later) = (off(-0.8239), off(-1.8239), off(-0.5));
-    assert!(right < 40, "{right}");
+    assert!(right < 80, "{right}");
     assert!(local > 300 && later > 2 * right, "{right} {local} {later}");
     // At the instants themselves the file's values come out: 11:10:34 UTC on 21 June.
     let hour = 12.0 - 0.8239 + 1.0;

@@ -106,7 +106,9 @@ impl Cells {
             if rank == 3 && index >= edge / 2 {
                 break;
             }
-            let from = incident_directions(rank, index, edge, closeness.incident);
+            // Towards grazing incidence reflectances rise steeply.
+            let grazing = if rank == 3 && index == 0 { 4 } else { 1 };
+            let from = incident_directions(rank, index, edge, grazing * closeness.incident);
             let weight = 1.0 / from.len() as f64;
             sums.fill(0.0);
             let mut scattered = 0.0;

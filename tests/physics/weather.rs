@@ -58,7 +58,7 @@ fn leap_days_are_taken_from_the_file_or_from_the_day_before() {
     };
     let noon = HourRange { from: 12.5, to: 12.5, step: 1.0 };
     let seen = |year, from, to, weather| {
-        let line = timeline(&HERE, &days(year, from, to, noon.clone(), weather))?;
+        let line = timeline(&HERE, &days(year, from, to, noon, weather))?;
         Ok::<_, glintmap::sky::Error>(
             line.steps
                 .iter()

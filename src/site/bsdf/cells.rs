@@ -87,7 +87,6 @@ impl Cells {
 
     /// Takes the means of `value(from, to)`; `shares` are what is scattered in all and into a
     /// delta lobe.
-    #[expect(clippy::type_complexity, reason = "two closures and no more")]
     pub(super) fn sampled(
         rank: usize,
         resolution: u32,

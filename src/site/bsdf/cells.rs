@@ -145,7 +145,7 @@ impl Cells {
         let sin = libm::sin(polar_deg.to_radians()).min(1.0);
         let place = |x: f64| ((x * edge as f64) as usize).min(edge - 1);
         let row = if self.rank == 3 {
-            place(0.5 - 0.5 * sin - 1e-9)
+            place((0.5 - 1e-7 - 0.5 * sin).max(0.0))
         } else {
             let [x, y] = square_from_disk([sin, 0.0]);
             place(x) * edge + place(y)
@@ -161,7 +161,9 @@ impl Cells {
     /// Polar angles that share the incident cell of one, degrees (rank 3).
     pub(super) fn incident_span_deg(&self, polar_deg: f64) -> (f64, f64) {
         let half = f64::from(1_u32 << self.resolution) / 2.0;
-        let ring = (libm::sin(polar_deg.to_radians()) * half).floor().min(half - 1.0);
+        // Borders belong to the outer ring, as where trees are read.
+        let sin = libm::sin(polar_deg.to_radians()) + 2e-7;
+        let ring = (sin * half).floor().min(half - 1.0);
         let angle = |r: f64| libm::asin((r / half).min(1.0)).to_degrees();
         (angle(ring), angle(ring + 1.0))
     }

@@ -11,10 +11,13 @@
 mod duration;
 mod error;
 mod event;
+mod events;
 mod kernel;
 mod label;
+mod paged;
 mod plan;
 pub mod rules;
+mod runs;
 mod session;
 mod settings;
 mod sheet;
@@ -32,6 +35,7 @@ mod year;
 
 pub use error::Error;
 pub use event::Event;
+pub use events::Events;
 pub use kernel::Kernel;
 pub use plan::Plan;
 pub use session::Session;

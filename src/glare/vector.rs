@@ -240,6 +240,12 @@ impl NullaryFnOnce for Look<'_> {
     }
 }
 
+/// Whether any value lies strictly above a threshold.
+#[inline(always)]
+pub(super) fn any_above(values: &[f32], threshold: f32) -> bool {
+    values.iter().fold(false, |any, value| any | (*value > threshold))
+}
+
 /// Which of at most 64 values lie strictly above a threshold: bit i for value i.
 #[inline(always)]
 pub(super) fn above(values: &[f32], threshold: f32) -> u64 {

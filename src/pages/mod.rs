@@ -33,7 +33,7 @@ pub use build::{StoreSummary, build, spill_dir};
 pub use cache::CacheStats;
 pub use error::Error;
 pub use facts::{About, RADIUS_RULE, StoreInfo};
-pub use inspect::{LevelStats, PerTimestep};
+pub use inspect::{LevelStats, Share};
 pub use mapped::Access;
 pub use query::{Neighbour, Neighbours, Query};
 pub use spill::{Spill, SpillSummary, discard, join};

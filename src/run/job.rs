@@ -1,8 +1,8 @@
 //! What a run works on: the stages, how to run them, what was done, and what they all need.
 
-use std::cell::OnceCell;
 use std::collections::BTreeMap;
 use std::path::PathBuf;
+use std::sync::OnceLock;
 use std::time::Instant;
 
 use serde::{Deserialize, Serialize};
@@ -15,8 +15,10 @@ use super::log::Log;
 use super::manifest::Manifest;
 use super::resolve::Resolved;
 use super::shard::Shard;
+use super::stages::Judgement;
 use super::units::{Planned, units};
 use crate::base::{Finding, Progress, Provenance, Severity, Timeline};
+use crate::pages::CacheStats;
 use crate::site::Site;
 
 /// The stages of a run, in their order.
@@ -101,10 +103,14 @@ pub struct Summary {
     pub current: Vec<String>,
     /// What the user should know: warnings of the site, the noise, the draft.
     pub warnings: Vec<String>,
+    /// What the caches of photon pages did, all together.
+    pub page_cache: CacheStats,
     /// Where the results lie.
     pub folder: PathBuf,
     /// Whether verdicts and pictures are a draft.
     pub draft: bool,
+    /// What the rules say of observers and regions, once there is a report.
+    pub verdicts: Vec<Judgement>,
 }
 
 /// Everything that a stage needs; what is costly to make is made when first asked for.
@@ -116,8 +122,8 @@ pub(super) struct Job<'a> {
     pub summary: Summary,
     pub progress: &'a dyn Progress,
     pub log: Log,
-    site: OnceCell<Site>,
-    timeline: OnceCell<Timeline>,
+    site: OnceLock<Site>,
+    timeline: OnceLock<Timeline>,
 }
 
 impl<'a> Job<'a> {
@@ -141,8 +147,8 @@ impl<'a> Job<'a> {
             folder,
             progress,
             log,
-            site: OnceCell::new(),
-            timeline: OnceCell::new(),
+            site: OnceLock::new(),
+            timeline: OnceLock::new(),
         })
     }
 }
@@ -229,7 +235,7 @@ impl Job<'_> {
             program: Provenance::PROGRAM.into(),
             settings: key.into(),
             seed: self.resolved.trace.seed,
-            inputs: self.resolved.inputs.clone(),
+            inputs: self.resolved.inputs_of(about),
             about: about
                 .iter()
                 .map(|(k, v)| ((*k).to_owned(), (*v).to_owned()))
@@ -264,6 +270,10 @@ impl Job<'_> {
     pub fn note(&mut self, unit: &str, began: Instant, mut facts: Value) -> Result<(), Error> {
         if let Some(object) = facts.as_object_mut() {
             object.insert("took_s".into(), began.elapsed().as_secs_f64().into());
+        }
+        // Of what read photons, the log and the summary tell how the cache did.
+        if let Some(stats) = facts.get("cache").and_then(|c| CacheStats::deserialize(c).ok()) {
+            self.summary.page_cache.add(&stats);
         }
         self.log.note(unit, &facts)?;
         self.summary.made.push(unit.into());

@@ -5,7 +5,8 @@
 //! Prints one row a store: build rates (photons/s on all threads given), bytes a photon, peak
 //! anonymous memory of the build; then one row a set of queries: k nearest a second on one core
 //! (seconds on the processor, not on the clock), each query alone and with shared candidates in
-//! turn, cache hits and misses, resident memory. `store_peer.py` beside it asks SciPy's cKDTree the
+//! turn, cache hits and misses, resident memory; last how much faster two threads are than one, on
+//! the clock, which needs a machine that does nothing else. `store_peer.py` beside it asks SciPy's cKDTree the
 //! same on the same kind of points.
 
 use std::path::{Path, PathBuf};
@@ -150,8 +151,35 @@ fn ask(path: &Path, arguments: &Arguments) -> Result<()> {
                 row(&store, (name, pass, k), &points)?;
             }
         }
+        let points = patch(&store, arguments)?;
+        let one = together(&store, k, &points, 1)?;
+        let two = together(&store, k, &points, 2)?;
+        println!("k = {k}, two threads: {:.2} times one thread, on the clock", one / two);
     }
     Ok(())
+}
+
+/// Seconds on the clock for queries that threads ask side by side.
+fn together(store: &Store, k: usize, points: &[(Vec3, Vec3)], threads: usize) -> Result<f64> {
+    let max_radius_m = store.max_radius_m(k);
+    let began = Instant::now();
+    std::thread::scope(|scope| {
+        let asked: Vec<_> = points
+            .chunks(points.len().div_ceil(threads))
+            .map(|points| {
+                scope.spawn(move || {
+                    let mut found = Neighbours::default();
+                    points.iter().try_for_each(|&(point, normal)| {
+                        store.nearest(&Query { point, normal, count: k, max_radius_m }, &mut found)
+                    })
+                })
+            })
+            .collect();
+        for thread in asked {
+            thread.join().map_err(|_| anyhow::anyhow!("a thread panicked"))??;
+        }
+        Ok(began.elapsed().as_secs_f64())
+    })
 }
 
 /// A grid on the plane of the photon in the middle of the store, in Morton order.

@@ -34,8 +34,7 @@ impl Reader<'_> {
         let (annual, series_bandwidth) = match p.view.first() {
             Some(t) => (self.gather(t)?, t.series_bandwidth),
             None => {
-                let default =
-                    Gather { bandwidth: 400, max_radius_m: None, estimator: Estimator::Photons };
+                let default = Gather { estimator: Estimator::Photons, ..Gather::default() };
                 (default, None)
             }
         };

@@ -1,3 +1,4 @@
+use std::path::Path;
 use std::time::Instant;
 
 use serde_json::json;
@@ -39,7 +40,8 @@ fn one(
 ) -> Result<(), Error> {
     let began = Instant::now();
     let volume = Volume::open(&job.folder.at(&job.folder.series(&candidate.name, &view.name)))?;
-    let mut settings = glare::Settings { threshold, ..job.resolved.glare.clone() };
+    let spill = job.folder.at(Path::new("run"));
+    let mut settings = glare::Settings { threshold, spill, ..job.resolved.glare.clone() };
     if view.points.is_some() {
         // Points that follow each other in a list needn't be neighbours.
         settings.sigma[1..].fill(0.0);

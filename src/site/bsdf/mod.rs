@@ -12,6 +12,7 @@
 mod account;
 mod cells;
 mod circle;
+mod content;
 mod curve;
 mod disk;
 mod facets;

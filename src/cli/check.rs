@@ -7,7 +7,6 @@ use super::Context;
 use crate::base::limits::MAX_FINDINGS_SHOWN;
 use crate::run::{self, Assignment, Resolved};
 use crate::site::{self, check};
-use crate::sky;
 
 /// Read all inputs and say what was understood and what looks wrong, without running
 #[derive(Debug, clap::Args)]
@@ -22,7 +21,7 @@ pub(super) struct Arguments {
 
 pub(super) fn run(arguments: &Arguments, context: &Context) -> anyhow::Result<()> {
     let resolved = Resolved::read(&arguments.project, &arguments.set, 1 << 30)?;
-    let timeline = sky::timeline(&resolved.place, &resolved.times)?;
+    let timeline = resolved.timeline()?;
     let loaded = site::load(&resolved.scene, &resolved.pv)?;
     let (site, summary) = (&loaded.site, check::summarise_loaded(&loaded));
     // A folder that can't be written to is no reason not to say what was read.

@@ -1,7 +1,7 @@
 //! Meshes, terrain and Radiance's commands: what is read, what is refused, what damage does.
 
 mod commands;
-mod fuzz;
+pub mod fuzz;
 mod geotiff;
 mod meshes;
 mod speed;

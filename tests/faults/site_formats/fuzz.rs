@@ -6,12 +6,12 @@
 use super::*;
 
 /// How often each seed is damaged: `GLINTMAP_FUZZ` sets it.
-fn executions() -> Option<u64> {
+pub fn executions() -> Option<u64> {
     std::env::var("GLINTMAP_FUZZ").ok().and_then(|n| n.parse().ok())
 }
 
 /// Damages bytes: bits, digits, cuts, repeats, words swapped.
-fn damage(bytes: &mut Vec<u8>, random: &mut Stream) {
+pub fn damage(bytes: &mut Vec<u8>, random: &mut Stream) {
     let mut below = |n: usize| (random.uniform() * n as f64) as usize;
     for _ in 0..1 + below(5) {
         if bytes.is_empty() {

@@ -190,6 +190,8 @@ fn series_gather(job: &Job<'_>, view: &PlannedView) -> Result<Gather, Error> {
     Ok(Gather { bandwidth, ..view.annual })
 }
 
+/// A key, and what files say of their making beside it.
+type About<'a> = (&'a str, &'a [(&'a str, &'a str)]);
 type MadeFrom<'a> = (&'a Store, Option<&'a Surfaces<'a>>, &'a HitMap);
 
 /// Writes the series, and the peak of it.
@@ -198,7 +200,7 @@ fn written(
     (store, surfaces, hits): MadeFrom<'_>,
     candidate: &Candidate,
     view: &PlannedView,
-    ((key, about), quantity): ((&str, &[(&str, &str)]), Quantity),
+    ((key, about), quantity): (About<'_>, Quantity),
     outputs: &mut Vec<PathBuf>,
 ) -> Result<(Series, serde_json::Value), Error> {
     let gather = series_gather(job, view)?;

@@ -10,6 +10,7 @@ mod demo;
 mod exit;
 mod glare;
 mod inspect;
+mod mirror;
 mod new;
 mod ours;
 mod picture;
@@ -67,6 +68,7 @@ enum Command {
     Plan(plan::Arguments),
     Check(check::Arguments),
     Probe(probe::Arguments),
+    Mirror(mirror::Arguments),
     Suns(suns::Arguments),
     #[command(subcommand)]
     Glare(glare::Command),
@@ -100,6 +102,7 @@ pub fn run(cli: Cli) -> anyhow::Result<()> {
         Command::Plan(arguments) => plan::run(&arguments, &context),
         Command::Check(arguments) => check::run(&arguments, &context),
         Command::Probe(arguments) => probe::run(&arguments, &context),
+        Command::Mirror(arguments) => mirror::run(&arguments, &context),
         Command::Suns(arguments) => suns::run(&arguments, &context),
         Command::Glare(command) => glare::run(&command, &context),
         Command::Volume(command) => volume::run(&command, &context),

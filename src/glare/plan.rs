@@ -13,6 +13,9 @@ const MAX_BLOCK: usize = 256;
 /// Bytes that a block may have for the sake of fewer reads.
 const SMALL_BLOCK_BYTES: u64 = 4 << 20;
 
+/// Bytes that may be kept in memory at most of what could be spilled.
+const MAX_SPILL_BYTES: u64 = 64 << 20;
+
 /// How an analysis is cut into steps. Any plan gives the same result.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
 pub struct Plan {
@@ -22,8 +25,10 @@ pub struct Plan {
     pub block: usize,
     /// Anonymous memory for pixels and window, bytes.
     pub fixed_bytes: u64,
-    /// What is left for glare events and runs, bytes.
+    /// What is left for glare events that are alive and for the runs of two slices, bytes.
     pub events_bytes: u64,
+    /// Of what events need besides, so much is kept in memory before it is spilled, bytes.
+    pub spill_bytes: u64,
 }
 
 impl Plan {
@@ -89,7 +94,9 @@ impl Demand {
                 given_mib: limit >> 20,
             });
         }
-        Ok(Plan { batch, block, fixed_bytes, events_bytes: limit - fixed_bytes })
+        let left = limit - fixed_bytes;
+        let spill_bytes = (left / 2).min(MAX_SPILL_BYTES);
+        Ok(Plan { batch, block, fixed_bytes, events_bytes: left - spill_bytes, spill_bytes })
     }
 
     fn pixels(&self) -> u64 {

@@ -1,7 +1,6 @@
 use std::ops::Range;
 
 use super::error::Error;
-use super::event::Event;
 use super::plan::Plan;
 use super::settings::Settings;
 use super::slices::{Calendar, Slices};
@@ -44,7 +43,7 @@ impl Session {
     ) -> Result<Self, Error> {
         let [timesteps, rows, columns] = checked(shape)?;
         let plan = Plan { batch: plan.batch.max(1), block: plan.block.max(1), ..*plan };
-        let mut tracker = Tracker::new(rows, columns, settings.connectivity);
+        let mut tracker = Tracker::new(rows, columns, settings, &plan);
         if let Some(calendar) = calendar {
             let found = calendar.day.len().min(calendar.weight_h.len());
             if found != timesteps {
@@ -168,14 +167,17 @@ impl Session {
     ///
     /// # Errors
     /// Timesteps that are missing.
-    pub fn finish(self) -> Result<Analysis, Error> {
+    pub fn finish(mut self) -> Result<Analysis, Error> {
         let [timesteps, rows, columns] = self.shape;
         if self.next != timesteps {
             return Err(self.misplaced(self.next, self.next));
         }
+        // The maps need room while the pixels are still there.
+        self.window = Window::new(rows, columns, 1);
         let grid = |data| Grid::from_vec(columns, rows, data);
         let Tracker { durations, yearly, mut events, .. } = self.tracker;
-        Event::sort(&mut events);
+        events.sort();
+        let [cumulative, sustained, longest_run] = durations.maps();
         let (mut days, mut longest_day, mut cumulative_h) = (None, None, None);
         if let Some(yearly) = yearly {
             days = Some(grid(yearly.days));
@@ -184,9 +186,9 @@ impl Session {
             cumulative_h = Some(Grid::from_vec(columns, rows, hours));
         }
         Ok(Analysis {
-            cumulative: grid(durations.cumulative),
-            sustained: grid(durations.sustained),
-            longest_run: grid(durations.longest_run),
+            cumulative: grid(cumulative),
+            sustained: grid(sustained),
+            longest_run: grid(longest_run),
             days,
             longest_day,
             cumulative_h,
@@ -239,7 +241,7 @@ fn label(
     plan: &Plan,
 ) -> Result<u64, Error> {
     for (step, timestep) in batch.steps.clone().enumerate() {
-        tracker.slice(timestep, strips.iter().map(|strip| &strip[step]));
+        tracker.slice(timestep, strips.iter().map(|strip| &strip[step])).map_err(Error::Spill)?;
         let found = tracker.bytes() as u64;
         if found > plan.events_bytes {
             return Err(Error::Events {
@@ -250,7 +252,7 @@ fn label(
         }
     }
     if batch.steps.end == batch.segment.end {
-        tracker.end_segment();
+        tracker.end_segment().map_err(Error::Spill)?;
     }
     Ok(batch.steps.len() as u64)
 }
@@ -261,6 +263,7 @@ fn batches(segments: &[Range<usize>], step: usize) -> Vec<Batch> {
         segment.clone().step_by(step).map(move |start| Batch {
             segment: segment.clone(),
             steps: start..(start + step).min(end),
+            room: step,
         })
     };
     segments.iter().flat_map(cut).collect()

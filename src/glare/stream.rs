@@ -2,7 +2,7 @@ use std::io;
 use std::ops::Range;
 
 use super::error::Error;
-use super::event::Event;
+use super::events::Events;
 use super::plan::Plan;
 use super::session::Session;
 use super::settings::Settings;
@@ -13,7 +13,7 @@ use crate::base::{Grid, Progress, limits};
 pub type Filtered<'a> = &'a mut dyn FnMut(usize, &[f32]) -> io::Result<()>;
 
 /// What the analysis found. Grids are `[row, column]`, row 0 at the top.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Debug)]
 pub struct Analysis {
     /// Timesteps above the threshold.
     pub cumulative: Grid<i32>,
@@ -28,16 +28,17 @@ pub struct Analysis {
     /// Hours of the year above the threshold (the sum of the timesteps' weights), where the
     /// volume has a calendar.
     pub cumulative_h: Option<Grid<f32>>,
-    /// All events, sorted by first and last timestep, voxels, pixels and smallest voxel.
-    pub events: Vec<Event>,
+    /// All events, sorted.
+    pub events: Events,
     /// How many voxels of the volume are NaN or infinite.
     pub nonfinite: u64,
 }
 
 /// Analyses a volume: smooths it, segment by segment, and finds what lies above the threshold.
 ///
-/// `segments` follow each other without gaps and cover all timesteps. The list of events is the
-/// only thing in memory that grows with the year; it counts against the memory limit.
+/// `segments` follow each other without gaps and cover all timesteps. Nothing in memory grows
+/// with the year but what is said of each timestep; what events need beyond their share of the
+/// memory limit goes into temporary files.
 ///
 /// # Errors
 /// Settings out of range, segments that don't fit, a voxel that isn't finite (unless allowed), a

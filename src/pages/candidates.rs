@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use glam::Vec3;
 
-use super::page::{BLOCK, Page};
+use super::page::{BLOCK, Page, meets};
 use super::query::{Neighbour, Query, SAME_SIDE};
 
 /// Candidates of a search, page by page in the order in which they were met.
@@ -84,10 +84,10 @@ impl Candidates {
         self.used = 0;
     }
 
-    /// Adds the photons of a page within `most`.
+    /// Adds the photons of a page within `most` whose timestep is in `during`.
     pub fn gather(
         &mut self,
-        query: &Query,
+        (query, during): (&Query, &Range<u32>),
         page: &Arc<Page>,
         (number, first): (u32, u64),
         most: f32,
@@ -97,8 +97,8 @@ impl Candidates {
             return;
         }
         let start = self.used;
-        for (block, bounds) in page.blocks.iter().enumerate() {
-            if bounds.distance_squared(query.point) > most {
+        for (block, (bounds, &steps)) in page.blocks.iter().zip(&page.steps).enumerate() {
+            if !meets(steps, during) || bounds.distance_squared(query.point) > most {
                 continue;
             }
             let base = block * BLOCK;
@@ -112,20 +112,28 @@ impl Candidates {
                 }
             };
             if matches!(side, Side::Some(_) | Side::Each) {
-                let mut kept = from;
-                for at in from..self.used {
-                    let i = self.place[at];
-                    self.place[kept] = i;
-                    self.distance[kept] = self.distance[at];
-                    kept += usize::from(accept(i));
-                }
-                self.used = kept;
+                self.retain(from, accept);
+            }
+            if steps.0 < during.start || steps.1 >= during.end {
+                self.retain(from, |i| during.contains(&page.light[i as usize].timestep));
             }
         }
         if self.used > start {
             let page = Arc::clone(page);
             self.runs.push(Run { number, first_photon: first, page, start });
         }
+    }
+
+    /// Keeps those of the candidates from `from` on that are accepted by their place.
+    fn retain(&mut self, from: usize, accept: impl Fn(u32) -> bool) {
+        let mut kept = from;
+        for at in from..self.used {
+            let i = self.place[at];
+            self.place[kept] = i;
+            self.distance[kept] = self.distance[at];
+            kept += usize::from(accept(i));
+        }
+        self.used = kept;
     }
 
     /// Adds the photons of a block within `most`, without a branch that depends on them.
@@ -155,21 +163,20 @@ impl Candidates {
     }
 
     /// Keeps the `count` nearest; what lies beyond the bound it returns can't be among them.
-    pub fn keep(&mut self, count: usize) -> Bound {
+    /// `likely2`: a square distance within which there are most likely less than `count`, so that
+    /// only what lies beyond must be sorted out; the result doesn't depend on it.
+    pub fn keep(&mut self, count: usize, likely2: f32) -> Bound {
         if self.used <= count {
             return Bound { distance2: f32::INFINITY, index: u64::MAX };
         }
-        self.selected.clear();
-        self.selected.extend_from_slice(&self.distance[..self.used]);
-        let (_, &mut farthest, _) = self.selected.select_nth_unstable(count - 1);
-        let mut nearer = 0;
-        let mut ties = 0;
-        for &d in &self.distance[..self.used] {
-            nearer += usize::from(d < farthest);
-            ties += usize::from(d == farthest);
+        let mut below = self.select_from(likely2.to_bits());
+        if below >= count {
+            below = self.select_from(0);
         }
-        let highest =
-            if nearer + ties == count { u64::MAX } else { self.tie(farthest, count - nearer) };
+        let (nearer, &mut farthest, farther) = self.selected.select_nth_unstable(count - 1 - below);
+        let ties = |some: &[u32]| some.iter().filter(|&&d| d == farthest).count();
+        let (winning, losing) = (ties(nearer) + 1, ties(farther));
+        let highest = if losing == 0 { u64::MAX } else { self.tie(farthest, winning) };
         let mut kept = 0;
         let mut runs = 0;
         for r in 0..self.runs.len() {
@@ -194,6 +201,18 @@ impl Candidates {
         self.used = kept;
         let index = if highest == u64::MAX { self.highest_at(farthest) } else { highest };
         Bound { distance2: f32::from_bits(farthest), index }
+    }
+
+    /// Takes the distances from `least` on for selection; the number of those before.
+    fn select_from(&mut self, least: u32) -> usize {
+        self.selected.resize(self.used, 0);
+        let mut kept = 0;
+        for &d in &self.distance[..self.used] {
+            self.selected[kept] = d;
+            kept += usize::from(d >= least);
+        }
+        self.selected.truncate(kept);
+        self.used - kept
     }
 
     /// The `rank`-th lowest store index (from 1) among the candidates at a distance.

@@ -6,6 +6,8 @@
 //! with the distance that the one before needed, and is repeated with a larger one where that was
 //! too small: the answer is exact either way.
 
+use std::ops::Range;
+
 use glam::Vec3;
 
 use super::Error;
@@ -28,6 +30,8 @@ pub struct Query {
     pub max_radius_m: f32,
 }
 
+/// All timesteps.
+pub(super) const ALWAYS: Range<u32> = 0..u32::MAX;
 /// Cosine of the largest angle between the normals of query and photon.
 pub(super) const SAME_SIDE: f32 = 0.5;
 
@@ -51,7 +55,9 @@ pub struct Neighbour {
 /// The answer to a query, and the scratch of the search: keep it from query to query.
 #[derive(Default)]
 pub struct Neighbours {
+    /// More than were found: what lies behind is left from queries before.
     pub(super) items: Vec<Neighbour>,
+    pub(super) count: usize,
     pub(super) farthest: Option<usize>,
     pub(super) full: bool,
     pub(super) candidates: Candidates,
@@ -72,7 +78,7 @@ pub(super) struct Last {
 impl Neighbours {
     /// The photons that were found, by ascending store index.
     pub fn items(&self) -> &[Neighbour] {
-        &self.items
+        &self.items[..self.count]
     }
 
     /// Position in [`items`](Self::items) of the farthest; of several, the one of the highest
@@ -94,7 +100,22 @@ impl Store {
     /// # Errors
     /// [`Error::Damaged`] where a page doesn't hold what it promises.
     pub fn nearest(&self, query: &Query, found: &mut Neighbours) -> Result<(), Error> {
+        self.nearest_during(query, ALWAYS, found)
+    }
+
+    /// The same among the photons whose timestep is in `timesteps`. Pages without any such photon
+    /// are passed over once they are known, without being decoded again.
+    ///
+    /// # Errors
+    /// [`Error::Damaged`] where a page doesn't hold what it promises.
+    pub fn nearest_during(
+        &self,
+        query: &Query,
+        timesteps: Range<u32>,
+        found: &mut Neighbours,
+    ) -> Result<(), Error> {
         found.items.clear();
+        found.count = 0;
         found.farthest = None;
         found.full = false;
         let radius_m = query.max_radius_m;
@@ -104,24 +125,26 @@ impl Store {
             return Ok(());
         }
         let most = radius_m * radius_m;
-        let mut distance2 = match &found.last {
+        let (mut distance2, likely2) = match &found.last {
             Some(last) => {
                 // All that were near then are near now, but for the step between the points.
                 let share = (query.count as f32 / last.count as f32).max(1.0).sqrt();
-                let guess = (last.radius_m * share + last.point.distance(query.point)) * 1.0001;
-                most.min(guess * guess)
+                let step = last.point.distance(query.point);
+                let guess = (last.radius_m * share + step) * 1.0001;
+                let less = last.radius_m - step.min(last.radius_m / (last.count as f32).sqrt());
+                (most.min(guess * guess), (0.9999 * less * less).max(0.0))
             }
-            None => most,
+            None => (most, 0.0),
         };
         loop {
-            self.search(query, Bound { distance2, index: u64::MAX }, found)?;
+            self.search((query, &timesteps), Bound { distance2, index: u64::MAX }, found)?;
             if found.candidates.used >= query.count || distance2 >= most {
                 break;
             }
             // Too small a guess: at least a millimetre, so that it grows.
             distance2 = most.min((distance2 * 4.0).max(1e-6));
         }
-        found.candidates.keep(query.count);
+        found.candidates.keep(query.count, likely2);
         found.collect();
         found.full = found.items.len() == query.count;
         found.last = match found.farthest {
@@ -136,7 +159,12 @@ impl Store {
         Ok(())
     }
 
-    fn search(&self, query: &Query, start: Bound, found: &mut Neighbours) -> Result<(), Error> {
+    fn search(
+        &self,
+        (query, during): (&Query, &Range<u32>),
+        start: Bound,
+        found: &mut Neighbours,
+    ) -> Result<(), Error> {
         let Neighbours { candidates, stack, .. } = found;
         candidates.clear();
         let limit = query.count.saturating_mul(2).max(query.count.saturating_add(1024));
@@ -166,13 +194,18 @@ impl Store {
                 let near = page_box(entry).distance_squared(query.point);
                 let too_far = near > bound.distance2
                     || near == bound.distance2 && entry.first_photon > bound.index;
-                if too_far {
+                if too_far || !self.may_hold(number as usize, during) {
                     continue;
                 }
                 let page = self.page(number as usize)?;
-                candidates.gather(query, &page, (number, entry.first_photon), bound.distance2);
+                candidates.gather(
+                    (query, during),
+                    &page,
+                    (number, entry.first_photon),
+                    bound.distance2,
+                );
                 if candidates.used > limit {
-                    bound = candidates.keep(query.count);
+                    bound = candidates.keep(query.count, 0.0);
                 }
             }
         }
@@ -194,6 +227,7 @@ impl Neighbours {
                 self.items.push(runs[r].photon(place[at], f32::from_bits(distance[at])));
             }
         }
+        self.count = self.items.len();
         // The pages themselves belong to the cache again.
         self.candidates.clear();
     }

@@ -2,12 +2,15 @@
 //!
 //! Queries that lie within a distance `s` of a centre `c`, whose k-th photon is `r` away, share
 //! most of their answers. By the triangle inequality the k-th photon of each lies between `r - s`
-//! and `r + s` from it. So the tree is walked once, for all photons within `r + 2 s` of `c`; those
-//! within `r - 2 s` belong to every answer, and only the rim between is sorted out query by query.
+//! and `r + s` from it, so the tree is walked once, for all photons within `r + 2 s` of `c`. The
+//! same holds from one query to the next: what is nearer than the k-th photon before, less the
+//! step, need not be sorted, nor what lies beyond it by more than the step.
+
+use glam::Vec3;
 
 use super::Error;
 use super::page::Page;
-use super::query::{Last, Neighbour, Neighbours, Query, SAME_SIDE};
+use super::query::{ALWAYS, Last, Neighbour, Neighbours, Query, SAME_SIDE};
 use super::store::Store;
 use super::tree::{node_box, page_box};
 use crate::base::Aabb;
@@ -23,21 +26,29 @@ const QUERIES_MAX: usize = 256;
 const ALIKE: f32 = 0.9;
 /// More than rounding moves a distance, relative.
 const SLACK: f32 = 1e-4;
+/// Standard deviations, roughly, by which the k-th distance changes seldom.
+const CHANCE: f32 = 1.0;
 /// More candidates than this, times k, wait outside of the answers where density jumps: then each
 /// query is better off by itself.
 const CANDIDATES_MAX: usize = 8;
 
+/// Candidates that are looked at together.
+const LANES: usize = 16;
+
 /// Candidates in store order, and the scratch of one query.
 #[derive(Default)]
 pub(super) struct Shared {
-    x: Vec<f32>,
-    y: Vec<f32>,
-    z: Vec<f32>,
+    /// Coordinates, filled up to whole lanes with NaN, which is near nothing.
+    places: Vec<[[f32; LANES]; 3]>,
     photons: Vec<Neighbour>,
-    /// Places of those that aren't in every answer.
-    rim: Vec<u32>,
-    distance2: Vec<f32>,
+    distance2: Vec<[f32; LANES]>,
+    /// Of each of `distance2`: how many surely win, how many may.
+    counts: Vec<[u8; 2]>,
     selected: Vec<u32>,
+    /// Where they were gathered, and how far away the k-th is from there; infinite where there are
+    /// less than k.
+    centre: Vec3,
+    radius_m: f32,
 }
 
 /// Some queries around a point.
@@ -118,8 +129,9 @@ impl Store {
         if outer_m > walked_m || spread_m > 0.5 * radius_m.min(most_m) {
             return Ok(false);
         }
-        let inner_m = (radius_m - spread_m).min(most_m) - spread_m - SLACK * outer_m;
-        shared.take(found, inner_m.max(0.0), outer_m);
+        shared.take(found, outer_m);
+        shared.centre = centre.point;
+        shared.radius_m = if used < centre.count { f32::INFINITY } else { radius_m };
         Ok(true)
     }
 
@@ -154,7 +166,12 @@ impl Store {
                 if !cluster.agrees(&page) {
                     return Ok(false);
                 }
-                candidates.gather(centre, &page, (number, entry.first_photon), distance2);
+                candidates.gather(
+                    (centre, &ALWAYS),
+                    &page,
+                    (number, entry.first_photon),
+                    distance2,
+                );
                 if candidates.used > limit {
                     return Ok(false);
                 }
@@ -206,84 +223,164 @@ impl<'a> Cluster<'a> {
 }
 
 impl Shared {
-    /// Takes the candidates within `outer_m` over, in store order; those within `inner_m` are in
-    /// every answer.
-    fn take(&mut self, found: &mut Neighbours, inner_m: f32, outer_m: f32) {
-        let (inner, outer) = (inner_m * inner_m, outer_m * outer_m);
-        for axis in [&mut self.x, &mut self.y, &mut self.z] {
-            axis.clear();
-        }
+    /// Takes the candidates within `outer_m` over, in store order.
+    fn take(&mut self, found: &mut Neighbours, outer_m: f32) {
+        let outer = outer_m * outer_m;
+        self.places.clear();
         self.photons.clear();
-        self.rim.clear();
         let candidates = &mut found.candidates;
         for (run, range) in candidates.in_order() {
             let run = &candidates.runs[run];
-            let page = &run.page;
             for at in range {
                 let distance2_m2 = f32::from_bits(candidates.distance[at]);
                 if distance2_m2 > outer {
                     continue;
                 }
-                let i = candidates.place[at] as usize;
-                if distance2_m2 >= inner {
-                    self.rim.push(self.photons.len() as u32);
+                let lane = self.photons.len() % LANES;
+                if lane == 0 {
+                    self.places.push([[f32::NAN; LANES]; 3]);
                 }
-                self.x.push(page.x[i]);
-                self.y.push(page.y[i]);
-                self.z.push(page.z[i]);
-                self.photons.push(run.photon(candidates.place[at], distance2_m2));
+                let place = candidates.place[at];
+                if let Some(places) = self.places.last_mut() {
+                    for (axis, from) in [&run.page.x, &run.page.y, &run.page.z].iter().enumerate() {
+                        places[axis][lane] = from[place as usize];
+                    }
+                }
+                self.photons.push(run.photon(place, distance2_m2));
             }
         }
         candidates.clear();
-        self.distance2.resize(self.photons.len(), 0.0);
+        self.distance2.resize(self.places.len(), [0.0; LANES]);
+        self.counts.resize(self.places.len(), [0; 2]);
     }
 
     /// The answer to one of the queries.
     fn answer(&mut self, query: &Query, found: &mut Neighbours) {
         let most = query.max_radius_m * query.max_radius_m;
-        let count = self.photons.len();
-        let point = query.point;
-        let (x, y, z) = (&self.x[..count], &self.y[..count], &self.z[..count]);
-        let distance2 = &mut self.distance2[..count];
-        for i in 0..count {
+        let bounds = self.likely(query, found.last.as_ref());
+        let kth = bounds
+            .and_then(|(least, beyond)| self.select(query, (least, beyond.min(most))))
+            .or_else(|| self.select(query, (0.0, most)));
+        let (far, tie) = kth.unwrap_or_else(|| {
+            let kept = self.distance2.as_flattened().iter().copied().filter(|d| *d <= most);
+            (kept.fold(0.0, f32::max), usize::MAX)
+        });
+        self.emit((far, tie), found);
+        found.full = found.count == query.count;
+        found.reach_m = if found.full { far.sqrt() } else { query.max_radius_m };
+        let (point, count, radius_m) = (query.point, query.count, found.reach_m);
+        found.last = found.full.then_some(Last { point, count, radius_m });
+    }
+
+    /// Square distances between which the k-th photon most likely lies: not nearer or farther than
+    /// before by more than the step, nor by more than chance usually has it.
+    fn likely(&self, query: &Query, last: Option<&Last>) -> Option<(f32, f32)> {
+        let (from, radius_m) = match last {
+            Some(last) if last.count == query.count => (last.point, last.radius_m),
+            _ if self.radius_m.is_finite() => (self.centre, self.radius_m),
+            _ => return None,
+        };
+        let chance = radius_m * CHANCE / (query.count as f32).sqrt();
+        let step = query.point.distance(from).min(chance) + SLACK * radius_m;
+        let (least_m, most_m) = ((radius_m - step).max(0.0), radius_m + step);
+        Some((least_m * least_m, most_m * most_m))
+    }
+
+    /// The k-th distance, and the last place that wins at exactly that distance; `None` where it
+    /// isn't within bounds.
+    fn select(&mut self, query: &Query, (least, most): (f32, f32)) -> Option<(f32, usize)> {
+        let Self { places, distance2, counts, selected, .. } = self;
+        pulp::Arch::new()
+            .dispatch(|| measure(places, query.point, (least, most), distance2, counts));
+        let below: usize = counts.iter().map(|c| usize::from(c[0])).sum();
+        let mut kept = 0;
+        for (distance2, counts) in distance2.iter().zip(counts.iter()) {
+            if counts[0] == counts[1] {
+                continue;
+            }
+            if selected.len() < kept + LANES {
+                selected.resize(2 * kept + LANES, 0);
+            }
+            let room = &mut selected[kept..kept + LANES];
+            let mut n = 0;
+            for &d in distance2 {
+                // For floats that aren't negative the bits are in the same order.
+                room[n % LANES] = d.to_bits();
+                n += usize::from(d >= least && d <= most);
+            }
+            kept += n;
+        }
+        let selected = &mut selected[..kept];
+        let wanted = query.count.checked_sub(below).filter(|n| (1..=kept).contains(n))?;
+        let (nearer, &mut kth, farther) = selected.select_nth_unstable(wanted - 1);
+        let kth_m2 = f32::from_bits(kth);
+        if farther.iter().all(|&d| d > kth) {
+            return Some((kth_m2, usize::MAX));
+        }
+        let ties = wanted - nearer.iter().filter(|&&d| d < kth).count();
+        let places = distance2.as_flattened().iter().enumerate().filter(|(_, d)| **d == kth_m2);
+        Some((kth_m2, places.map(|(at, _)| at).nth(ties - 1)?))
+    }
+
+    /// Writes what is nearer than `far`, and up to place `tie` also what is as far.
+    fn emit(&self, (far, tie): (f32, usize), found: &mut Neighbours) {
+        let items = &mut found.items;
+        if let Some(&any) = self.photons.first().filter(|_| items.len() < self.photons.len()) {
+            items.resize(self.photons.len(), any);
+        }
+        let mut kept = 0;
+        found.farthest = None;
+        let photons = self.photons.chunks(LANES);
+        for (number, ((distance2, counts), photons)) in
+            self.distance2.iter().zip(&self.counts).zip(photons).enumerate()
+        {
+            if usize::from(counts[0]) == LANES {
+                let items = &mut items[kept..kept + LANES];
+                items.copy_from_slice(photons);
+                for (item, &d) in items.iter_mut().zip(distance2) {
+                    item.distance2_m2 = d;
+                }
+                kept += LANES;
+                continue;
+            }
+            if counts[1] == 0 {
+                continue;
+            }
+            for (i, (photon, &d)) in photons.iter().zip(distance2).enumerate() {
+                let ties = d == far && number * LANES + i <= tie;
+                if ties {
+                    found.farthest = Some(kept);
+                }
+                items[kept] = Neighbour { distance2_m2: d, ..*photon };
+                kept += usize::from((d < far) | ties);
+            }
+        }
+        found.count = kept;
+    }
+}
+
+/// Square distances, and of each [`LANES`] how many are less than `least`, and how many at most
+/// `most`.
+#[inline(always)]
+fn measure(
+    places: &[[[f32; LANES]; 3]],
+    point: Vec3,
+    (least, most): (f32, f32),
+    distance2: &mut [[f32; LANES]],
+    counts: &mut [[u8; 2]],
+) {
+    for ((places, distance2), counts) in places.iter().zip(distance2).zip(counts) {
+        let [x, y, z] = places;
+        for i in 0..LANES {
             let (dx, dy, dz) = (x[i] - point.x, y[i] - point.y, z[i] - point.z);
             distance2[i] = dx * dx + dy * dy + dz * dz;
         }
-        self.selected.resize(self.rim.len(), 0);
-        let mut rim = 0;
-        for &at in &self.rim {
-            let d = distance2[at as usize];
-            // For floats that aren't negative the bits are in the same order.
-            self.selected[rim] = d.to_bits();
-            rim += usize::from(d <= most);
+        let (mut below, mut within) = (0u32, 0u32);
+        for &d in distance2.iter() {
+            // At most 16; an addition that may panic isn't vectorised.
+            below = below.wrapping_add(u32::from(d < least));
+            within = within.wrapping_add(u32::from(d <= most));
         }
-        let sure = count - self.rim.len();
-        let wanted = query.count - sure.min(query.count);
-        // The k-th distance, and the last place that wins at exactly that distance.
-        let (kth, last) = if rim <= wanted || wanted == 0 {
-            (most, count)
-        } else {
-            let selected = &mut self.selected[..rim];
-            let (nearer, &mut kth, _) = selected.select_nth_unstable(wanted - 1);
-            let nearer = nearer.iter().filter(|&&d| d < kth).count();
-            let kth = f32::from_bits(kth);
-            let ties = (0..count).filter(|&i| distance2[i] == kth);
-            (kth, ties.take(wanted - nearer).last().unwrap_or(count))
-        };
-        if let Some(&any) = self.photons.first() {
-            found.items.resize(count, any);
-        }
-        let items = &mut found.items[..count];
-        let mut kept = 0;
-        for (i, (photon, &d)) in self.photons.iter().zip(distance2.iter()).enumerate() {
-            items[kept] = Neighbour { distance2_m2: d, ..*photon };
-            kept += usize::from(d < kth || d == kth && i <= last);
-        }
-        found.items.truncate(kept);
-        found.full = kept == query.count;
-        let far = found.items.iter().map(|n| n.distance2_m2).fold(0.0, f32::max);
-        found.farthest = found.items.iter().rposition(|n| n.distance2_m2 == far);
-        found.last = found.full.then(|| Last { point, count: query.count, radius_m: far.sqrt() });
-        found.reach_m = if found.full { far.sqrt() } else { query.max_radius_m };
+        *counts = [below as u8, within as u8];
     }
 }

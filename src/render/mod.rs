@@ -3,13 +3,15 @@
 //! A [`View`] turns pixels into rays exactly as Radiance's `vwrays` does. [`hits`] writes down what
 //! each pixel sees, once per view, for everyone else. [`annual`] and [`series`] ask the photon
 //! store for the photons around each hit and turn them into irradiance; [`background`] paints the
-//! scene by daylight, so that a planner recognises the house.
+//! scene by daylight, so that a planner recognises the house. [`sensors`] are points with normals
+//! instead of pixels.
 //!
 #![doc = include_str!("../docs/estimators.md")]
 
 mod background;
 mod candidates;
 mod confidence;
+mod direct;
 mod error;
 mod estimate;
 mod facet;
@@ -21,6 +23,7 @@ mod mirror;
 mod order;
 mod palette;
 mod seen;
+pub mod sensors;
 mod series;
 mod share;
 mod surfaces;
@@ -29,6 +32,9 @@ mod view_options;
 
 pub use background::{background, representative_suns};
 pub use confidence::{DECIDED, undecided};
+pub use direct::{
+    Direct, DirectScene, DirectScratch, DirectSummary, DirectYear, TileYear, direct_series,
+};
 pub use error::Error;
 pub use estimate::{Estimate, Estimator, Kernel, MIN_COS, MIN_RADIUS_M, estimate};
 pub use fused::Fused;
@@ -36,7 +42,7 @@ pub use gather::{Annual, EXACT_BITS, Gather, annual};
 pub use hits::{Hit, HitKind, HitMap, hits};
 pub use mirror::{
     Lit, MirrorDay, MirrorReceiver, MirrorRule, MirrorRun, MirrorSummary, MirrorTimes, MirrorYear,
-    SEPARATION_DEG,
+    SEPARATION_DEG, points_on,
 };
 pub use series::{Quantity, Series, SeriesSummary, series};
 pub use surfaces::Surfaces;

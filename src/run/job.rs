@@ -1,8 +1,8 @@
 //! What a run works on: the stages, how to run them, what was done, and what they all need.
 
-use std::cell::OnceCell;
 use std::collections::BTreeMap;
 use std::path::PathBuf;
+use std::sync::OnceLock;
 use std::time::Instant;
 
 use serde::{Deserialize, Serialize};
@@ -15,10 +15,11 @@ use super::log::Log;
 use super::manifest::Manifest;
 use super::resolve::Resolved;
 use super::shard::Shard;
+use super::stages::Judgement;
 use super::units::{Planned, units};
 use crate::base::{Finding, Progress, Provenance, Severity, Timeline};
+use crate::pages::CacheStats;
 use crate::site::Site;
-use crate::sky;
 
 /// The stages of a run, in their order.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
@@ -102,10 +103,14 @@ pub struct Summary {
     pub current: Vec<String>,
     /// What the user should know: warnings of the site, the noise, the draft.
     pub warnings: Vec<String>,
+    /// What the caches of photon pages did, all together.
+    pub page_cache: CacheStats,
     /// Where the results lie.
     pub folder: PathBuf,
     /// Whether verdicts and pictures are a draft.
     pub draft: bool,
+    /// What the rules say of observers and regions, once there is a report.
+    pub verdicts: Vec<Judgement>,
 }
 
 /// Everything that a stage needs; what is costly to make is made when first asked for.
@@ -117,8 +122,8 @@ pub(super) struct Job<'a> {
     pub summary: Summary,
     pub progress: &'a dyn Progress,
     pub log: Log,
-    site: OnceCell<Site>,
-    timeline: OnceCell<Timeline>,
+    site: OnceLock<Site>,
+    timeline: OnceLock<Timeline>,
 }
 
 impl<'a> Job<'a> {
@@ -142,8 +147,8 @@ impl<'a> Job<'a> {
             folder,
             progress,
             log,
-            site: OnceCell::new(),
-            timeline: OnceCell::new(),
+            site: OnceLock::new(),
+            timeline: OnceLock::new(),
         })
     }
 }
@@ -220,7 +225,7 @@ impl Job<'_> {
         if let Some(timeline) = self.timeline.get() {
             return Ok(timeline);
         }
-        let timeline = sky::timeline(&self.resolved.place, &self.resolved.times)?;
+        let timeline = self.resolved.timeline()?;
         Ok(self.timeline.get_or_init(|| timeline))
     }
 
@@ -230,7 +235,7 @@ impl Job<'_> {
             program: Provenance::PROGRAM.into(),
             settings: key.into(),
             seed: self.resolved.trace.seed,
-            inputs: self.resolved.inputs.clone(),
+            inputs: self.resolved.inputs_of(about),
             about: about
                 .iter()
                 .map(|(k, v)| ((*k).to_owned(), (*v).to_owned()))
@@ -265,6 +270,10 @@ impl Job<'_> {
     pub fn note(&mut self, unit: &str, began: Instant, mut facts: Value) -> Result<(), Error> {
         if let Some(object) = facts.as_object_mut() {
             object.insert("took_s".into(), began.elapsed().as_secs_f64().into());
+        }
+        // Of what read photons, the log and the summary tell how the cache did.
+        if let Some(stats) = facts.get("cache").and_then(|c| CacheStats::deserialize(c).ok()) {
+            self.summary.page_cache.add(&stats);
         }
         self.log.note(unit, &facts)?;
         self.summary.made.push(unit.into());

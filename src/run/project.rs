@@ -9,6 +9,7 @@ use serde::{Deserialize, Serialize};
 
 use super::error::Error;
 use super::set::{Assignment, apply};
+use crate::glare::rules::Class;
 use crate::site::{PvArray, Select};
 
 /// `project.toml`, key by key. See the example projects under `fixtures/projects`.
@@ -41,6 +42,9 @@ pub struct Project {
     /// People.
     #[serde(default)]
     pub observer: Vec<ObserverTable>,
+    /// Façades, roads, plots.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub region: Vec<RegionTable>,
     /// How glare is judged.
     #[serde(default)]
     pub glare: GlareTable,
@@ -63,6 +67,19 @@ pub struct SiteTable {
     /// Above the sea, m.
     #[serde(default)]
     pub elevation_m: f64,
+    /// Ridges beyond the scene: a file of azimuths and altitudes, or pairs of them, degrees.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub horizon: Option<HorizonEntry>,
+}
+
+/// Where the far horizon comes from.
+#[derive(Clone, Debug, Deserialize, Serialize)]
+#[serde(untagged)]
+pub enum HorizonEntry {
+    /// `"horizon.csv"`, beside the project file.
+    File(PathBuf),
+    /// `[[0, 2.5], [90, 4], …]`: azimuth clockwise from north and altitude, degrees.
+    Points(Vec<[f64; 2]>),
 }
 
 /// `[scene]`
@@ -298,10 +315,13 @@ pub struct ViewTable {
     pub view: Option<String>,
     /// A file that holds them.
     pub view_file: Option<PathBuf>,
-    /// Points with normals instead of pixels.
+    /// Points with normals instead of pixels, as `rtrace -I` takes them.
     pub sensors: Option<PathBuf>,
-    /// `[columns, rows]`
-    pub size: [usize; 2],
+    /// `"map"` where the sensors' points are map coordinates; local if left out.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub coordinates: Option<String>,
+    /// `[columns, rows]`; sensors need none.
+    pub size: Option<[usize; 2]>,
     /// `"photons"` or `"radiance"`.
     #[serde(default = "photons")]
     pub estimator: String,
@@ -345,9 +365,59 @@ pub struct ObserverTable {
     pub point: [f64; 3],
     /// Where it looks.
     pub direction: Option<[f64; 3]>,
-    /// `dwelling`, `office`, `outdoor`, `road`, …
-    #[serde(default)]
-    pub class: String,
+    /// `"map"` where the point is in map coordinates; local if left out.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub coordinates: Option<String>,
+    /// `dwelling`, `office`, `outdoor`, `road`, …; every limit applies if left out.
+    pub class: Option<Class>,
+}
+
+/// `[[region]]`: the faces of objects, a polygon in plan, or a polygon in a picture.
+#[derive(Clone, Debug, Deserialize, Serialize)]
+#[serde(deny_unknown_fields)]
+pub struct RegionTable {
+    /// For tables and pictures.
+    pub name: String,
+    /// One object id or several.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub object: Option<Ids>,
+    /// `[x, y]` in metres; with `view`: `[column, row]` in its pixels.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub polygon: Option<Vec<[f64; 2]>>,
+    /// How high above the ground the polygon lies, m; on the ground if left out.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub height_m: Option<f64>,
+    /// The picture in which the polygon is drawn.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub view: Option<String>,
+    /// `"map"` where the polygon is in map coordinates; local if left out.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub coordinates: Option<String>,
+    /// Distance between its points, m; 1 if left out.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub spacing_m: Option<f64>,
+    /// `dwelling`, `office`, `outdoor`, `road`, …; every limit applies if left out.
+    pub class: Option<Class>,
+}
+
+/// `"ID"` or `["ID", "ID"]`
+#[derive(Clone, Debug, Deserialize, Serialize)]
+#[serde(untagged)]
+pub enum Ids {
+    /// One.
+    One(String),
+    /// Several.
+    Many(Vec<String>),
+}
+
+impl Ids {
+    /// All of them.
+    pub fn list(&self) -> &[String] {
+        match self {
+            Self::One(id) => std::slice::from_ref(id),
+            Self::Many(ids) => ids,
+        }
+    }
 }
 
 /// `[glare]`
@@ -364,7 +434,8 @@ pub struct GlareTable {
     pub truncate: f64,
     /// 6, 18 or 26.
     pub connectivity: u32,
-    /// Profiles to judge by.
+    /// Profiles to judge by: ids of those that come with the program, or files that end in `.toml`,
+    /// relative to the project's folder.
     pub rules: Vec<String>,
 }
 

@@ -1,6 +1,7 @@
 //! From the project file to what the rooms take; every mistake is named with its key. Here: the
 //! site, its times and its scene. [`settings`]: what is done with them.
 
+mod receivers;
 mod settings;
 mod view_file;
 
@@ -12,10 +13,11 @@ use glam::DVec3;
 
 use super::error::Error;
 use super::manifest::hash_path;
-use super::project::{self, DayEntry, FileEntry, OriginEntry, Project};
+use super::project::{self, DayEntry, FileEntry, HorizonEntry, OriginEntry, Project};
+use super::resolve::RECEIVERS;
 use crate::base::limits;
 use crate::site::{Files, Origin, PvArray, PvSpec, SceneFile, SceneSpec};
-use crate::sky::{DayRange, HourRange, Irradiance, Place, SunModel, TimeSpec, Weather};
+use crate::sky::{DayRange, FarHorizon, HourRange, Irradiance, Place, SunModel, TimeSpec, Weather};
 
 /// Reads a plan off a project file, table by table.
 pub(super) struct Reader<'a> {
@@ -31,7 +33,7 @@ impl Reader<'_> {
     /// Names become folders, so they are checked together: what differs must not collide.
     pub fn names(&self) -> Result<(), Error> {
         let p = self.project;
-        let mut folders = BTreeSet::from(["log".to_owned()]);
+        let mut folders = BTreeSet::from(["log".to_owned(), RECEIVERS.to_owned()]);
         let lists = [
             ("[[material]]", p.material.iter().map(|t| &t.name).collect::<Vec<_>>()),
             ("[[case]]", p.case.iter().map(|t| &t.name).collect()),
@@ -42,7 +44,7 @@ impl Reader<'_> {
                 self.check_name(table, name)?;
                 if !folders.insert(name.clone()) {
                     return Err(self.wrong(format!(
-                        "{table} \"{name}\": the name is taken; materials, cases and views share one folder, and `log` is ours"
+                        "{table} \"{name}\": the name is taken; materials, cases and views share one folder, and `log` and `receivers` are ours"
                     )));
                 }
             }
@@ -126,6 +128,17 @@ impl Reader<'_> {
             meridian_deg: s.meridian,
             elevation_m: s.elevation_m,
         })
+    }
+
+    pub fn horizon(&self) -> Result<Option<FarHorizon>, Error> {
+        let horizon = match &self.project.site.horizon {
+            None => return Ok(None),
+            Some(HorizonEntry::Points(points)) => FarHorizon::from_points(points),
+            Some(HorizonEntry::File(path)) => {
+                FarHorizon::read(&self.file.parent().unwrap_or(Path::new("")).join(path))
+            }
+        };
+        horizon.map(Some).map_err(|e| self.wrong(format!("site.horizon: {e}")))
     }
 
     pub fn times(&self) -> Result<TimeSpec, Error> {

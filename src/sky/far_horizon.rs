@@ -3,7 +3,7 @@ use std::path::Path;
 use glam::DVec3;
 
 use super::{Error, altitude_azimuth_deg};
-use crate::base::limits;
+use crate::base::{Timeline, limits};
 
 /// Ridges beyond the scene: what the sun has to rise above, by azimuth. Between the points the
 /// altitude runs straight, also across north.
@@ -93,6 +93,35 @@ impl FarHorizon {
         before[1] + (after[1] - before[1]) * part
     }
 
+    /// A timeline without the suns behind the ridge. Like night, it ends a segment.
+    ///
+    /// # Errors
+    /// [`Error::Night`] where no sun is left.
+    pub fn cut(&self, mut timeline: Timeline) -> Result<Timeline, Error> {
+        let candidates = timeline.steps.len() as u64;
+        let mut segment = 0;
+        let mut last: Option<(usize, u32)> = None;
+        let mut nth = 0;
+        timeline.steps.retain_mut(|step| {
+            nth += 1;
+            if !self.shows(step.sun) {
+                return false;
+            }
+            if let Some((before, old)) = last
+                && (before + 1 != nth || old != step.segment)
+            {
+                segment += 1;
+            }
+            last = Some((nth, step.segment));
+            step.segment = segment;
+            true
+        });
+        if timeline.steps.is_empty() {
+            return Err(Error::Night { candidates });
+        }
+        Ok(timeline)
+    }
+
     /// Whether a sun stands above the ridge.
     pub fn shows(&self, sun: DVec3) -> bool {
         let (altitude, azimuth) = altitude_azimuth_deg(sun);
@@ -115,6 +144,31 @@ mod tests {
         let one = FarHorizon::from_points(&[[10.0, 3.0]]).expect("valid");
         assert_eq!(one.altitude_deg(200.0), 3.0);
         assert!(one.shows(DVec3::new(0.0, 1.0, 0.1)) && !one.shows(DVec3::new(0.0, 1.0, 0.05)));
+    }
+
+    #[test]
+    fn a_ridge_ends_segments_and_keeps_the_order() {
+        use crate::sky::{DayRange, HourRange, Irradiance, Place, SunModel, TimeSpec, timeline};
+        let place =
+            Place { latitude_deg: 47.0, longitude_deg: 8.3, meridian_deg: 15.0, elevation_m: 0.0 };
+        let spec = TimeSpec {
+            year: 2025,
+            days: DayRange { from: 100, to: 101, step: 1 },
+            hours: HourRange { from: 0.0, to: 23.0, step: 1.0 },
+            sun: SunModel::Gensky,
+            irradiance: Irradiance::Gensky,
+            half_year: false,
+        };
+        let whole = timeline(&place, &spec).expect("suns");
+        // A tower in the south, from 170 to 190 degrees.
+        let tower = [[169.9, 0.0], [170.0, 89.0], [190.0, 89.0], [190.1, 0.0]];
+        let cut = FarHorizon::from_points(&tower).expect("valid").cut(whole.clone()).expect("suns");
+        assert!(cut.steps.len() < whole.steps.len());
+        assert_eq!((whole.segments().len(), cut.segments().len()), (2, 4));
+        let flat = FarHorizon::from_points(&[[0.0, 0.0]]).expect("valid").cut(whole.clone());
+        assert_eq!(flat, Ok(whole.clone()));
+        let walled = FarHorizon::from_points(&[[0.0, 90.0]]).expect("valid").cut(whole);
+        assert!(matches!(walled, Err(Error::Night { .. })));
     }
 
     #[test]

@@ -1,5 +1,7 @@
 //! The program as its users start it.
 
+mod bsdf;
 mod commands;
 mod folder;
 mod real_site;
+mod receivers;

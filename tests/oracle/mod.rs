@@ -2,6 +2,7 @@
 
 mod bsdf;
 mod glare;
+mod mirror;
 mod picture;
 mod scenes;
 mod sky;

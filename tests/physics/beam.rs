@@ -205,8 +205,8 @@ fn a_spot_inside_the_mirrored_beam_gets_dni_times_fresnel_times_cosine() {
         }
         // The year's map says the same: sum of E times hours.
         let weights: Vec<f64> = timeline.steps.iter().map(|s| s.weight_h).collect();
-        let annual = render::annual(&store, None, &hits, &weights, &gather, &Silent)
-            .expect("renders the year");
+        let annual =
+            render::annual(&store, None, &hits, &weights, &gather, &Silent).expect("renders");
         let truth: f64 = expected.iter().zip(&weights).map(|(e, h)| e * h).sum();
         for &found in Grid::data(&annual.surface) {
             let off = f64::from(found) / truth - 1.0;

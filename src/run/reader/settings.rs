@@ -81,9 +81,10 @@ impl Reader<'_> {
         let file = BsdfFile::read(&path).map_err(wrong)?;
         let side = t.side.unwrap_or_default();
         let measured = file.reflection(side, t.spectrum).map_err(wrong)?;
-        let hash = hash_path(&path).map_err(|source| Error::Read { path, source })?;
+        let hash = hash_path(&path).map_err(|source| Error::Read { path: path.clone(), source })?;
+        let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
         let notes = file.notes.iter().cloned().chain(measured.notes()).collect();
-        let made = Made::File { bsdf: hash, side, spectrum: t.spectrum };
+        let made = Made::File { bsdf: hash, name, side, spectrum: t.spectrum };
         Ok(Material { made, bsdf: Bsdf::Measured(measured), notes })
     }
 
@@ -100,18 +101,13 @@ impl Reader<'_> {
         })
     }
 
-    pub fn view(&self, t: &ViewTable) -> Result<PlannedView, Error> {
-        let later = |key: &str, instead: &str| {
-            Error::Unsupported(format!(
-                "{}: view.{}.{key}: this version can't do that yet; {instead}",
-                self.file.display(),
+    fn view(&self, t: &ViewTable) -> Result<PlannedView, Error> {
+        let Some([columns, rows]) = t.size else {
+            return Err(self.wrong(format!(
+                "[[view]] \"{}\": expected `size = [columns, rows]`, found none",
                 t.name
-            ))
+            )));
         };
-        if t.sensors.is_some() {
-            return Err(later("sensors", "use a picture"));
-        }
-        let [columns, rows] = t.size;
         let edge = 1..=limits::MAX_VIEW_EDGE;
         if !edge.contains(&columns)
             || !edge.contains(&rows)
@@ -124,10 +120,34 @@ impl Reader<'_> {
                 limits::MAX_VIEW_PIXELS
             )));
         }
+        if t.fuse && t.both_quantities {
+            return Err(self.wrong(format!(
+                "view.{}: `fuse` keeps no series, so `both_quantities` has none to add; leave one out",
+                t.name
+            )));
+        }
+        let annual = self.gather(t)?;
+        let (options, view) = self.camera(t, columns, rows)?;
+        Ok(PlannedView {
+            name: t.name.clone(),
+            options,
+            view,
+            annual,
+            fuse: t.fuse,
+            both: t.both_quantities,
+            series_bandwidth: t.series_bandwidth,
+            points: None,
+        })
+    }
+
+    /// How a view's photons become irradiance.
+    pub(super) fn gather(&self, t: &ViewTable) -> Result<Gather, Error> {
         let estimator = match t.estimator.as_str() {
             "photons" => Estimator::Photons,
             "radiance" => Estimator::Radiance,
-            "direct" => return Err(later("estimator", "\"direct\" comes later, use \"photons\"")),
+            "direct" => {
+                return Err(self.later(t, "estimator", "\"direct\" comes later, use \"photons\""));
+            }
             other => {
                 return Err(self.wrong(format!(
                     "view.{}.estimator: expected \"photons\" or \"radiance\", found \"{other}\"",
@@ -157,39 +177,24 @@ impl Reader<'_> {
                 t.name, t.series_mantissa_bits
             )));
         }
-        if t.fuse && t.both_quantities {
-            return Err(self.wrong(format!(
-                "view.{}: `fuse` keeps no series, so `both_quantities` has none to add; leave one out",
-                t.name
-            )));
-        }
-        let (options, view) = self.camera(t, columns, rows)?;
-        Ok(PlannedView {
-            name: t.name.clone(),
-            options,
-            view,
-            annual: Gather {
-                bandwidth: t.bandwidth,
-                max_radius_m: t.max_radius_m,
-                estimator,
-                kernel: self.kernel(t)?,
-                normal_tolerance_deg: self.within(
-                    t,
-                    "normal_tolerance_deg",
-                    t.normal_tolerance_deg,
-                    1.0..=90.0,
-                )?,
-                plane_tolerance_m: if t.plane_tolerance_m == 0.0 {
-                    None
-                } else {
-                    Some(self.within(t, "plane_tolerance_m", t.plane_tolerance_m, 0.01..=100.0)?)
-                },
-                edges: t.edges,
-                mantissa_bits: t.series_mantissa_bits,
+        Ok(Gather {
+            bandwidth: t.bandwidth,
+            max_radius_m: t.max_radius_m,
+            estimator,
+            kernel: self.kernel(t)?,
+            normal_tolerance_deg: self.within(
+                t,
+                "normal_tolerance_deg",
+                t.normal_tolerance_deg,
+                1.0..=90.0,
+            )?,
+            plane_tolerance_m: if t.plane_tolerance_m == 0.0 {
+                None
+            } else {
+                Some(self.within(t, "plane_tolerance_m", t.plane_tolerance_m, 0.01..=100.0)?)
             },
-            fuse: t.fuse,
-            both: t.both_quantities,
-            series_bandwidth: t.series_bandwidth,
+            edges: t.edges,
+            mantissa_bits: t.series_mantissa_bits,
         })
     }
 
@@ -241,6 +246,20 @@ impl Reader<'_> {
         let (low, high) = (range.start(), range.end());
         let name = &t.name;
         Err(self.wrong(format!("view.{name}.{key}: expected {low} to {high}, found {value}")))
+    }
+
+    fn later(&self, t: &ViewTable, key: &str, instead: &str) -> Error {
+        Error::Unsupported(format!(
+            "{}: view.{}.{key}: this version can't do that yet; {instead}",
+            self.file.display(),
+            t.name
+        ))
+    }
+
+    /// The pictures; sets of sensors apart.
+    pub fn views(&self) -> Result<Vec<PlannedView>, Error> {
+        let pictures = self.project.view.iter().filter(|v| v.sensors.is_none());
+        pictures.map(|v| self.view(v)).collect()
     }
 
     pub fn trace(&self) -> Result<trace::Settings, Error> {
@@ -320,9 +339,6 @@ impl Reader<'_> {
                 g.sigma, g.truncate
             )));
         }
-        for rule in &g.rules {
-            glare::rules::built_in(rule).map_err(|e| self.wrong(format!("glare.rules: {e}")))?;
-        }
         Ok(glare::Settings {
             threshold: 0.0,
             sigma: g.sigma,
@@ -330,6 +346,7 @@ impl Reader<'_> {
             connectivity,
             allow_nonfinite: false,
             memory_bytes,
+            ..glare::Settings::default()
         })
     }
 }

@@ -5,7 +5,6 @@ use std::path::PathBuf;
 use rayon::prelude::*;
 
 use super::pictures;
-use super::render::attributes;
 use crate::base::{Grid, Progress, TileRect, limits, tiles};
 use crate::glare::Slices;
 use crate::picture::exr;
@@ -142,12 +141,12 @@ pub(super) fn write(
     job: &Job<'_>,
     candidate: &Candidate,
     view: &PlannedView,
-    (threshold, key, about): (f64, &str, &[(&str, &str)]),
+    (threshold, attributes): (f64, &[(String, String)]),
     band: &Band,
 ) -> Result<PathBuf, Error> {
     let name = job.folder.glare(&candidate.name, &view.name, threshold, "band.exr");
     let channels = [("low.h", &band.low_h), ("hours.h", &band.hours_h), ("high.h", &band.high_h)];
-    exr::write(&job.folder.prepare(&name)?, &channels, &attributes(job, key, about))?;
+    exr::write(&job.folder.prepare(&name)?, &channels, attributes)?;
     Ok(name)
 }
 

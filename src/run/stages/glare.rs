@@ -1,4 +1,4 @@
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use serde_json::json;
@@ -18,7 +18,7 @@ use crate::volume::{TimeAxis, Volume};
 pub(in crate::run) fn glare(job: &mut Job<'_>) -> Result<(), Error> {
     let resolved = job.resolved;
     for candidate in &resolved.candidates {
-        for view in &resolved.views {
+        for view in resolved.with_sensors() {
             let render_key = resolved.render_key(candidate, view)?;
             for &threshold in &resolved.project.glare.thresholds_w_m2 {
                 let key = resolved.glare_key(&render_key, threshold)?;
@@ -33,7 +33,7 @@ pub(in crate::run) fn glare(job: &mut Job<'_>) -> Result<(), Error> {
             }
         }
     }
-    Ok(())
+    super::receivers::received(job)
 }
 
 fn one(
@@ -51,13 +51,26 @@ fn one(
         return fused::record(job, candidate, view, &analyses, began);
     }
     let volume = Volume::open(&job.folder.at(&job.folder.series(&candidate.name, &view.name)))?;
-    let settings = glare::Settings { threshold, ..job.resolved.glare.clone() };
+    let spill = job.folder.at(Path::new("run"));
+    let mut settings = glare::Settings { threshold, spill, ..job.resolved.glare.clone() };
+    if view.points.is_some() {
+        // Points that follow each other in a list needn't be neighbours.
+        settings.sigma[1..].fill(0.0);
+    }
     let steps = volume.shape()[0] as u64;
-    let analysis = glare::analyse(&volume, &volume.segments(), &settings, None, job.progress)?;
+    let mut analysis = glare::analyse(&volume, &volume.segments(), &settings, None, job.progress)?;
+    if view.points.is_some() {
+        analysis.sustained.clone_from(&analysis.longest_run);
+    }
     job.progress.finish();
     let band = band::count(job, candidate, view, &volume, threshold)?;
     let made = (&analysis, volume.axis(), &band);
-    let outputs = keep(job, candidate, view, (threshold, key), made)?;
+    let mut outputs = keep(job, candidate, view, (threshold, key), made)?;
+    if view.points.is_none() {
+        let folder = job.folder.glare(&candidate.name, &view.name, threshold, "");
+        let attributes = provenance(job, candidate, view, (threshold, key));
+        outputs.extend(super::year::write(job, &folder, &volume, threshold, &attributes)?);
+    }
     let facts = json!({ "events": analysis.events.len(), "timesteps": steps });
     job.done(unit, key, &outputs, began, facts)
 }
@@ -72,13 +85,7 @@ pub(super) fn keep(
 ) -> Result<Vec<PathBuf>, Error> {
     let name = |file: &str| job.folder.glare(&candidate.name, &view.name, threshold, file);
     let step_h = job.timeline()?.step_h;
-    let about = [
-        ("material", candidate.name.as_str()),
-        ("view", view.name.as_str()),
-        ("threshold_w_m2", &threshold.to_string()),
-        ("quantity", job.resolved.project.glare.quantity.as_str()),
-    ];
-    let attributes = attributes(job, key, &about);
+    let attributes = provenance(job, candidate, view, (threshold, key));
     let mut outputs = Vec::new();
     for (map, counts, hours) in hours(analysis, step_h) {
         let npy = job.folder.prepare(&name(&format!("{map}.npy")))?;
@@ -88,15 +95,27 @@ pub(super) fn keep(
         exr::write(&job.folder.at(&exr_name), &[(channel.as_str(), &hours)], &attributes)?;
         outputs.extend([name(&format!("{map}.npy")), exr_name]);
     }
-    let events_name = name("events.csv");
-    let events_path = job.folder.at(&events_name);
-    glintmap_formats::seal::write(&events_path, |out| {
-        glare::write_events(out, &analysis.events, axis)
-    })
-    .map_err(|source: std::io::Error| Error::Write { path: events_path.clone(), source })?;
-    outputs.push(events_name);
-    outputs.push(band::write(job, candidate, view, (threshold, key, &about), band)?);
+    if view.points.is_none() {
+        outputs.extend(super::events::write(job, candidate, view, threshold, analysis, axis)?);
+    }
+    outputs.push(band::write(job, candidate, view, (threshold, &attributes), band)?);
     Ok(outputs)
+}
+
+/// What the files of an analysis say of where they come from.
+fn provenance(
+    job: &Job<'_>,
+    candidate: &Candidate,
+    view: &PlannedView,
+    (threshold, key): (f64, &str),
+) -> Vec<(String, String)> {
+    let about = [
+        ("material", candidate.name.as_str()),
+        ("view", view.name.as_str()),
+        ("threshold_w_m2", &threshold.to_string()),
+        ("quantity", job.resolved.project.glare.quantity.as_str()),
+    ];
+    attributes(job, key, &about)
 }
 
 /// Each duration map with its timesteps turned into hours. Cumulative hours carry the weight of

@@ -2,18 +2,26 @@
 //! they left behind.
 
 mod band;
+mod events;
 mod fused;
 mod glare;
+mod judged;
+mod people;
 mod photons;
 mod pictures;
+mod receivers;
 mod render;
 mod report;
 mod suns;
 mod verdicts;
+mod year;
 
 pub(super) use glare::glare;
+pub use judged::Judgement;
+pub(super) use judged::read as read_judgements;
 pub(super) use photons::{pages, trace};
 pub(super) use pictures::{key as pictures_key, pictures};
+pub(super) use receivers::{check as check_receivers, received_unit};
 pub(super) use render::render;
 pub(super) use report::report;
 pub(super) use suns::suns;

@@ -26,8 +26,11 @@ pub(in crate::run) fn render(job: &mut Job<'_>) -> Result<(), Error> {
         hits(job, view)?;
         background(job, view)?;
     }
+    for set in &resolved.sensors {
+        super::receivers::place(job, set)?;
+    }
     for candidate in &resolved.candidates {
-        for view in &resolved.views {
+        for view in resolved.with_sensors() {
             maps(job, candidate, view)?;
         }
     }
@@ -217,7 +220,7 @@ fn written(
         let most = format!("2^-{}", gather.mantissa_bits + 1);
         provenance.about.insert("largest_relative_error".to_owned(), most);
     }
-    let (columns, rows) = (view.view.columns(), view.view.rows());
+    let (columns, rows) = (hits.columns, hits.rows);
     let create = |timeline| {
         Writer::create_or_resume(
             &series_path,
@@ -273,11 +276,13 @@ fn annual(
     attributes.push(("VIEW".to_owned(), view.view.to_options()));
     exr::write(&path, &channels, &attributes)?;
     let grey = annual.surface.map(|v| [*v; 3]);
-    let lines = [
+    let mut lines = vec![
         format!("SOFTWARE= {}", crate::base::Provenance::PROGRAM),
         "annual radiant exposure, Wh/m2".to_owned(),
-        view.view.to_view_line(),
     ];
+    if view.points.is_none() {
+        lines.push(view.view.to_view_line());
+    }
     hdr::write(&job.folder.at(&name("annual.hdr")), &grey, &lines)?;
     let npy = job.folder.at(&name("annual.npy"));
     glintmap_formats::npy::write(

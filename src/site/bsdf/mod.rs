@@ -9,6 +9,7 @@
 //! that `density * survival * bound(incident) = f(incident, out) * cos(out)`. Whoever survives
 //! carries the same flux, so that a store's photons are all equal.
 
+mod account;
 mod cells;
 mod circle;
 mod curve;
@@ -28,10 +29,12 @@ mod numbers;
 pub mod presets;
 mod scatter;
 mod scattered;
+mod source;
 mod survey;
 mod tree;
 mod write;
 
+pub use account::{Account, Row};
 pub use circle::{on_circle, on_hemisphere};
 pub use facets::Facets;
 pub use file::{Block, BsdfFile, Side, Spectrum, Table, Way};
@@ -46,6 +49,7 @@ pub use model::{Error, Model, Part, preset_or_model};
 pub use presets::{PRESETS, Preset};
 pub use scatter::{Bsdf, Scattered};
 pub use scattered::{Reach, Surface};
+pub use source::Source;
 pub use survey::{ANGLES_DEG, Reciprocity};
 pub use tree::Tree;
 pub use write::{Cost, Fineness, Written, write, write_points};

@@ -129,6 +129,14 @@ pub enum Error {
         /// All names.
         known: String,
     },
+    /// Neither a file nor a preset.
+    #[error("{found}: no such file, and no preset has this name (there are: {known})")]
+    Unknown {
+        /// What was named.
+        found: String,
+        /// All presets.
+        known: String,
+    },
     /// A mixture of too many or no parts, of mixtures, or of more than there is.
     #[error("mixture: expected {expected}, found {found}")]
     Mixture {
@@ -181,6 +189,12 @@ pub enum Error {
         /// Its largest total, %.
         percent: f64,
     },
+    /// More or less than one source where one is written.
+    #[error("--write takes one FILE (or the files of one goniophotometer sample), found {found}")]
+    OneToWrite {
+        /// How many.
+        found: usize,
+    },
     /// A file without the reflection that was asked for.
     #[error(
         "{path}: holds no {wanted}; it has {found}. `side = \"front\"` (the default) is Radiance's front, WINDOW's `Reflection Back`; `side = \"back\"` is `Reflection Front`"
@@ -201,11 +215,13 @@ impl Error {
         match self {
             Self::OutOfRange { .. }
             | Self::NoPreset { .. }
+            | Self::Unknown { .. }
             | Self::Mixture { .. }
             | Self::Read { .. }
             | Self::Xml { .. }
             | Self::File { .. }
             | Self::TooMuch { .. }
+            | Self::OneToWrite { .. }
             | Self::NoReflection { .. } => FaultKind::Input,
         }
     }

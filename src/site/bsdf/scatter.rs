@@ -237,6 +237,12 @@ impl Bsdf {
 }
 
 impl PvGlass {
+    /// Refractive index, roughness alpha, and `rho / (1 - Fm)`: all that [`Bsdf::evaluate`]
+    /// depends on, for those who evaluate many suns at once.
+    pub fn parts(&self) -> (f64, f64, f64) {
+        (self.index, self.ggx.alpha, self.diffuse)
+    }
+
     /// Bounds of the two terms' sampling weights.
     #[inline]
     fn bounds(&self, cos: f64) -> (f64, f64) {

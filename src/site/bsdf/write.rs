@@ -59,6 +59,42 @@ pub struct Written {
     pub costs: Vec<Cost>,
 }
 
+impl Written {
+    /// For people.
+    pub fn told(&self) -> String {
+        let mut out = format!(
+            "tensor tree of rank {}, 2^{} cells an edge, {} values for {} cells, {:.1} MB\n",
+            self.rank,
+            self.resolution,
+            self.values,
+            self.cells,
+            self.text.len() as f64 / 1e6
+        );
+        // Writing into a String can't fail.
+        let _ =
+            writeln!(out, "    incidence (its cell)      reflects  pruned    peak 1/sr  pruned");
+        for c in &self.costs {
+            let _ = writeln!(
+                out,
+                "    {:>4}° ({:>4.1}° to {:>4.1}°)   {:>6.2} %  {:>6.2} %  {:>9.3}  {:.3} ({:+.1} %)",
+                c.angle_deg,
+                c.cell_deg.0,
+                c.cell_deg.1,
+                100.0 * c.scattered,
+                100.0 * c.pruned_scattered,
+                c.peak_per_sr,
+                c.pruned_per_sr,
+                if c.peak_per_sr > 0.0 {
+                    100.0 * (c.pruned_per_sr / c.peak_per_sr - 1.0)
+                } else {
+                    0.0
+                }
+            );
+        }
+        out
+    }
+}
+
 /// Finest cells of rank 4: 2^24 of them.
 const FINEST_4: u32 = 6;
 /// Finest cells of rank 3: 2^27, half of them unused.

@@ -4,10 +4,10 @@ use std::ops::Range;
 
 use glintmap::base::limits::TILE_EDGE;
 use glintmap::base::{SeriesEntry, Silent, TileSink, tiles};
-use glintmap::glare::{Analysis, Calendar, Error, Session, Settings, Slices, TileBatch};
+use glintmap::glare::{Calendar, Error, Session, Settings, Slices, TileBatch};
 
 use super::volumes::{Dice, Memory, segments};
-use super::{Case, assert_same, plan, run, whole};
+use super::{Case, Found, assert_same, plan, run, whole};
 use crate::support::series::Dense;
 
 /// The timesteps of `range` as a renderer would deliver them.
@@ -38,7 +38,7 @@ fn batch(volume: &Memory, range: Range<usize>) -> TileBatch {
     out
 }
 
-fn in_pieces(case: &Case, most: usize, steps: glintmap::glare::Plan) -> (Analysis, Vec<f32>) {
+fn in_pieces(case: &Case, most: usize, steps: glintmap::glare::Plan) -> (Found, Vec<f32>) {
     let mut filtered = Vec::new();
     let mut keep = |_: usize, slice: &[f32]| {
         filtered.extend_from_slice(slice);
@@ -51,7 +51,7 @@ fn in_pieces(case: &Case, most: usize, steps: glintmap::glare::Plan) -> (Analysi
         let rendered = batch(&case.volume, range);
         session.push(&rendered, part, Some(&mut keep), &Silent).unwrap();
     }
-    (session.finish().unwrap(), filtered)
+    (session.finish().unwrap().into(), filtered)
 }
 
 #[test]

@@ -165,6 +165,7 @@ fn maps_and_series_are_sums_over_the_store() {
     let sigma = truth * 0.09 / (lit as f64 / 3.0).sqrt();
     assert!((mean - truth).abs() < 4.0 * sigma, "{mean}, expected {truth} +- {sigma}");
 
+    let summary = summary.summary;
     let entries: usize = tiles.values().map(Vec::len).sum();
     let summary = summary.summary;
     assert_eq!(summary.lit_timesteps, entries as u64);

@@ -21,6 +21,7 @@ from pathlib import Path
 
 import numpy as np
 
+BATCHES = 8
 CAL = """
 sq(x) : x*x;
 lower(a,b) : if(a-b, b, a);
@@ -71,32 +72,29 @@ def irradiance(case, work, env, points):
     random = np.random.default_rng(1)
     spot, normal = np.array(case["spot"]), np.array(case["normal"])
     start = spot + 1e-3 * normal
-    sums, variance = 0.0, 0.0
+    parts, rays = [], []
     for triangle in case["pv"]:
         a, b, c = map(np.array, triangle)
         across = np.cross(b - a, c - a)
         area = np.linalg.norm(across) / 2
         across = across / (2 * area)
         # R2 sequence (Roberts 2018) with a random start, in batches for the error.
-        batches = []
-        for _ in range(8):
-            i = np.arange(points // 8)[:, None]
+        for _ in range(BATCHES):
+            i = np.arange(points // BATCHES)[:, None]
             uv = (random.random(2) + i * np.array([0.7548776662466927, 0.5698402909980532])) % 1
             uv = np.where(uv.sum(axis=1, keepdims=True) > 1, 1 - uv, uv)
             at = a + uv[:, :1] * (b - a) + uv[:, 1:] * (c - a)
             way = at - spot
             away = np.linalg.norm(way, axis=1)
             ray = (at - start) / np.linalg.norm(at - start, axis=1)[:, None]
-            rays = np.hstack([np.broadcast_to(start, ray.shape), ray]).astype(np.float32)
-            run = subprocess.run(
-                "rtrace -h -w -fff -ab 0 -dt 0 -dj 1 -ds 0 -dc 1 -lr 1 -st 1 -u+ scene.oct".split(),
-                input=rays.tobytes(), cwd=work, env=env, capture_output=True, check=True)
-            seen = np.frombuffer(run.stdout, np.float32).reshape(-1, 3)[:, 1].astype(float)
-            form = (way @ normal).clip(0) * (-(way @ across)).clip(0) / away**4
-            batches.append((seen * form).mean() * area)
-        sums += np.mean(batches)
-        variance += np.var(batches, ddof=1) / len(batches)
-    return sums, math.sqrt(variance)
+            rays.append(np.hstack([np.broadcast_to(start, ray.shape), ray]).astype(np.float32))
+            parts.append((way @ normal).clip(0) * (-(way @ across)).clip(0) / away**4 * area)
+    run = subprocess.run(
+        "rtrace -h -w -fff -ab 0 -dt 0 -dj 1 -ds 0 -dc 1 -lr 1 -st 1 -u+ scene.oct".split(),
+        input=np.concatenate(rays).tobytes(), cwd=work, env=env, capture_output=True, check=True)
+    seen = np.frombuffer(run.stdout, np.float32).reshape(len(parts), -1, 3)[:, :, 1].astype(float)
+    values = (seen * np.array(parts)).mean(axis=1).reshape(-1, BATCHES)
+    return values.mean(axis=1).sum(), math.sqrt((values.var(axis=1, ddof=1) / BATCHES).sum())
 
 
 def main():

@@ -49,7 +49,7 @@ const RADON: [([f64; 3], f64); 7] = {
     const B: f64 = 0.101_286_507_323_456_34;
     const A1: f64 = 1.0 - 2.0 * A;
     const B1: f64 = 1.0 - 2.0 * B;
-    const WA: f64 = 0.132_394_152_788_506_18;
+    const WA: f64 = 0.132_394_152_788_506_2;
     const WB: f64 = 0.125_939_180_544_827_15;
     const T: f64 = 1.0 / 3.0;
     [
@@ -239,21 +239,23 @@ impl Integral<'_> {
             self.kernel.radiance(lit, out, values);
             let solid = area * out.z / away2;
             let facing = cos / cos.max(f64::from(MIN_COS));
+            let [surface, normal, one] = &mut *sums;
             for i in 0..count {
                 let mut value = values[i * fold];
                 if fold > 1 {
                     value = values[i * fold..(i + 1) * fold].iter().sum::<f64>() / fold as f64;
                 }
                 let value = value * solid;
-                sums[0][i] += share * cos * value;
-                sums[1][i] += share * facing * value;
+                surface[i] += share * cos * value;
+                normal[i] += share * facing * value;
                 if nth == 0 {
-                    sums[2][i] = cos * value;
+                    one[i] = cos * value;
                 }
             }
         }
-        for i in 0..count {
-            let (surface, normal, one) = (sums[0][i], sums[1][i], sums[2][i]);
+        let [surface, normal, one] = sums;
+        for (i, ((&surface, &normal), &one)) in surface.iter().zip(&*normal).zip(&*one).enumerate()
+        {
             let bend = (surface - one).abs();
             if bend > BEND * surface + NEGLIGIBLE_W_M2 && !deepest {
                 finer.push_from(suns, i);

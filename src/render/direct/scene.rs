@@ -102,10 +102,13 @@ impl<'a> Direct<'a> {
             let what = format!("{expected} PV surfaces, but {found} materials for them");
             return Err(Error::Settings { what });
         }
-        if !(scene.max_path_m > 0.0 && scene.timeline.sun_diameter_deg < 10.0) {
+        let diameter_deg = scene.timeline.sun_diameter_deg;
+        if !(f64::MIN_POSITIVE..=f64::MAX).contains(&scene.max_path_m)
+            || !(0.0..10.0).contains(&diameter_deg)
+        {
             let what = format!(
                 "the longest path is {} m and the sun {} degrees wide, expected above 0 and below 10",
-                scene.max_path_m, scene.timeline.sun_diameter_deg
+                scene.max_path_m, diameter_deg
             );
             return Err(Error::Settings { what });
         }

@@ -71,8 +71,8 @@ fn timeline(suns: &[DVec3], diameter_deg: f64) -> Timeline {
     }
 }
 
-fn model(model: Model) -> Bsdf {
-    Bsdf::from_model(&model).expect("valid")
+fn model(model: &Model) -> Bsdf {
+    Bsdf::from_model(model).expect("valid")
 }
 
 fn year(site: &Site, timeline: &Timeline, bsdf: &Bsdf, at: DVec3, normal: DVec3) -> DirectYear {
@@ -90,7 +90,7 @@ fn a_lambertian_square_is_its_view_factor() {
     let site = site(&[flat(3.0)]);
     let suns = [DVec3::new(0.3, 0.2, 1.0), DVec3::new(-1.0, 0.5, 0.2)];
     let timeline = timeline(&suns, 0.533);
-    let bsdf = model(Model::Lambertian { reflectance: 0.4 });
+    let bsdf = model(&Model::Lambertian { reflectance: 0.4 });
     for height in [0.5, 2.0, 10.0, 60.0] {
         // Element parallel to a rectangle with a corner above it (Howell, C-11), four times.
         let (a, root) = (3.0 / height, libm::sqrt(1.0 + 9.0 / (height * height)));
@@ -122,7 +122,7 @@ fn a_mirror_shows_the_part_of_the_disc_that_falls_into_it() {
     let timeline = timeline(&suns, 0.533);
     let index = 1.52;
     let at = DVec3::Z * height;
-    let year = year(&site, &timeline, &model(Model::Glass { index }), at, DVec3::NEG_Z);
+    let year = year(&site, &timeline, &model(&Model::Glass { index }), at, DVec3::NEG_Z);
     for (i, k) in offsets.into_iter().enumerate() {
         // Part of a circle on one side of a chord.
         let t = k.clamp(-1.0, 1.0);
@@ -170,7 +170,7 @@ fn a_glossy_plane_is_what_fine_quadrature_gives() {
     let suns =
         [towards(0.0, 0.0), towards(-4.9, 2.0), towards(9.0, 1.0), DVec3::new(-0.3, 0.4, 0.8)];
     for (alpha, n) in [(0.3, 200), (0.1, 400), (0.05, 700), (0.02, 1600)] {
-        let bsdf = model(Model::PvGlass { index: 1.52, ggx_alpha: alpha, cell_reflectance: 0.04 });
+        let bsdf = model(&Model::PvGlass { index: 1.52, ggx_alpha: alpha, cell_reflectance: 0.04 });
         let timeline = timeline(&suns, 1e-4);
         let year = year(&site, &timeline, &bsdf, at, normal);
         for (i, sun) in suns.iter().enumerate() {
@@ -201,7 +201,7 @@ fn the_suns_disc_is_integrated() {
         }
     }
     for alpha in [0.05, 0.02, 0.01] {
-        let bsdf = model(Model::PvGlass { index: 1.52, ggx_alpha: alpha, cell_reflectance: 0.04 });
+        let bsdf = model(&Model::PvGlass { index: 1.52, ggx_alpha: alpha, cell_reflectance: 0.04 });
         let year = year(&site, &timeline(&[sun], 0.533), &bsdf, at, normal);
         let expected = brute(&bsdf, 1.0, 100, at, normal, &disc);
         let point = brute(&bsdf, 1.0, 100, at, normal, &[sun]);
@@ -220,7 +220,7 @@ fn what_stands_in_the_way_takes_its_part_on_both_sides() {
         let corner = |y, z| DVec3::new(x, y, z);
         [corner(-50.0, low), corner(50.0, low), corner(50.0, high), corner(-50.0, high)]
     };
-    let bsdf = model(Model::Lambertian { reflectance: 0.4 });
+    let bsdf = model(&Model::Lambertian { reflectance: 0.4 });
     let sun = DVec3::new(1.0, 0.0, 1.0);
     let at = DVec3::new(-20.0, 0.0, 6.0);
     let look = |more: &[[DVec3; 4]]| {
@@ -270,7 +270,7 @@ fn a_view_goes_on_where_it_stopped() {
     let site = site(&quads);
     let suns: Vec<_> = (1..12).map(|i| DVec3::new(f64::from(i) - 6.0, 1.0, 2.0)).collect();
     let timeline = timeline(&suns, 0.533);
-    let bsdf = model(Model::PvGlass { index: 1.52, ggx_alpha: 0.1, cell_reflectance: 0.04 });
+    let bsdf = model(&Model::PvGlass { index: 1.52, ggx_alpha: 0.1, cell_reflectance: 0.04 });
     let scene = DirectScene {
         site: &site,
         timeline: &timeline,

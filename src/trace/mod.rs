@@ -17,6 +17,7 @@
 //!
 //! [`Fate::NotSampled`]: crate::base::Fate::NotSampled
 
+mod aim;
 mod batch;
 mod clip;
 mod disc;
@@ -27,9 +28,12 @@ mod horizon;
 mod path;
 mod pilot;
 mod power;
+mod reach;
 mod skyline;
+mod yields;
 
 pub use batch::{BATCH_PHOTONS, UnitSink, run, run_units};
 pub use emission::{Emission, Receivers, Settings};
 pub use error::Error;
+pub use path::Tracer;
 pub use pilot::{Plan, plan};

@@ -10,11 +10,13 @@
 //! carries the same flux, so that a store's photons are all equal.
 
 mod circle;
+mod cone;
 mod disk;
 mod file;
 mod fresnel;
 mod ggx;
 mod klems;
+mod lobe;
 mod measured;
 mod model;
 mod numbers;
@@ -23,9 +25,13 @@ mod survey;
 mod tree;
 
 pub use circle::{on_circle, on_hemisphere};
+pub use cone::Cone;
 pub use file::{Block, BsdfFile, Side, Spectrum, Table, Way};
 pub use fresnel::reflectance as fresnel_reflectance;
 pub use klems::{KlemsBasis, Matrix, Ring};
+#[cfg(test)]
+pub(crate) use lobe::samples;
+pub use lobe::{Lobe, Square};
 pub use measured::Measured;
 pub use model::{Error, Model};
 pub use scatter::{Bsdf, Scattered};

@@ -19,6 +19,7 @@ mod report;
 mod run;
 mod size;
 mod suns;
+mod trace;
 mod verify;
 mod volume;
 
@@ -68,6 +69,7 @@ enum Command {
     Check(check::Arguments),
     Probe(probe::Arguments),
     Suns(suns::Arguments),
+    Trace(trace::Arguments),
     #[command(subcommand)]
     Glare(glare::Command),
     #[command(subcommand)]
@@ -101,6 +103,7 @@ pub fn run(cli: Cli) -> anyhow::Result<()> {
         Command::Check(arguments) => check::run(&arguments, &context),
         Command::Probe(arguments) => probe::run(&arguments, &context),
         Command::Suns(arguments) => suns::run(&arguments, &context),
+        Command::Trace(arguments) => trace::run(&arguments, &context),
         Command::Glare(command) => glare::run(&command, &context),
         Command::Volume(command) => volume::run(&command, &context),
         Command::Picture(command) => picture::run(&command, &context),

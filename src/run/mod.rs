@@ -13,6 +13,7 @@ pub mod manifest;
 pub mod probe;
 mod project;
 mod reader;
+pub mod replay;
 mod resolve;
 mod runner;
 mod set;

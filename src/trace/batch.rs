@@ -12,7 +12,7 @@ pub const BATCH_PHOTONS: u64 = 16_384;
 
 /// Batches of a unit at least and at most, and how many units a plan is cut into in between: few
 /// enough that a unit takes seconds, large enough that many threads find work in it.
-const UNIT_BATCHES: (u64, u64) = (16, 256);
+const UNIT_BATCHES: (u64, u64) = (2, 256);
 const UNITS: u64 = 256;
 
 impl Plan {

@@ -9,6 +9,7 @@ use super::emission::{Emission, Receivers};
 use super::emitter::{Emitter, emitters};
 use super::horizon::{Horizon, horizons};
 use super::power::{Aim, Power, Shares, Sources};
+use super::replay::{Retold, lobe, word};
 use super::yields::Yields;
 use crate::base::{Fate, Photon, Purpose, Stream, Tally};
 
@@ -33,6 +34,29 @@ pub struct Tracer<'a> {
 pub(super) struct Batch {
     pub tally: Tally,
     pub photons: Vec<Photon>,
+}
+
+/// One photon's way.
+#[derive(Clone, Copy, Debug)]
+struct Path {
+    fate: Fate,
+    /// Unit vector to the point of the sun's disc that it came from.
+    to_sun: DVec3,
+    /// See [`crate::site::bsdf::Scattered`].
+    weight: f64,
+    /// Flux that left the PV, W.
+    left_w: f64,
+    /// `None`: the photon died in the PV.
+    flight: Option<Flight>,
+}
+
+#[derive(Clone, Copy, Debug)]
+struct Flight {
+    /// `None`: whatever the point, nothing is reached.
+    start: Option<DVec3>,
+    direction: DVec3,
+    /// Distance and triangle.
+    hit: Option<(f32, u32)>,
 }
 
 /// Which photons: of how many, and drawn for what.
@@ -133,7 +157,14 @@ impl<'a> Tracer<'a> {
                 near = 0;
             }
             match current.at(at_w - self.power.before_w(step), &mut near) {
-                Some(aim) => self.one(&current, aim, each_w, &mut random, keep, &mut out),
+                Some(aim) => {
+                    let path = self.follow(&current, aim, each_w, &mut random);
+                    out.tally.book(path.fate, path.left_w);
+                    out.tally.over_bound += u64::from(path.weight > 1.0);
+                    if keep {
+                        out.photons.extend(self.photon(&current, aim, &path));
+                    }
+                }
                 None => out.tally.book(Fate::Blocked, 0.0),
             }
         }
@@ -143,53 +174,97 @@ impl<'a> Tracer<'a> {
         out
     }
 
-    /// Sends one photon and books it.
+    /// Follows one photon from the sun to its end.
     #[inline]
-    fn one(
-        &self,
-        shares: &Shares,
-        aim: &Aim,
-        each_w: f64,
-        random: &mut Stream,
-        keep: bool,
-        out: &mut Batch,
-    ) {
+    fn follow(&self, shares: &Shares, aim: &Aim, each_w: f64, random: &mut Stream) -> Path {
         let emitter = &self.emitters[aim.emitter];
         let to_sun = self.disc.direction(&shares.sun, random.uniform(), random.uniform());
         let incident = emitter.frame.local_from_world(to_sun);
+        let ended = |fate| Path { fate, to_sun, weight: 1.0, left_w: 0.0, flight: None };
         if incident.z <= 0.0 || to_sun.z <= 0.0 {
-            return out.tally.book(Fate::Blocked, 0.0);
+            return ended(Fate::Blocked);
         }
         let bound = aim.target.most / incident.z;
         let Some(scattered) = emitter.bsdf.draw(aim.target.square, incident, bound, random) else {
-            return out.tally.book(Fate::Absorbed, 0.0);
+            return ended(Fate::Absorbed);
         };
         let left_w = each_w * scattered.weight;
-        out.tally.over_bound += u64::from(scattered.weight > 1.0);
         let direction = emitter.frame.world_from_local(scattered.direction);
         let piece = emitter.piece(aim.target.pieces, aim.target.share, random);
-        if self.horizons[aim.emitter].as_ref().is_some_and(|h| h.clears(piece, direction)) {
-            return out.tally.book(Fate::NotSampled, left_w);
-        }
-        let point = emitter.point(piece, random);
-        let (fate, hit) = self.fly((aim.emitter, piece), point, to_sun, direction);
-        out.tally.book(fate, left_w);
-        if let Some((distance_m, triangle)) = hit.filter(|_| keep) {
-            let towards = direction.as_vec3();
-            let normal = self.emission.site.triangles[triangle as usize].normal();
-            out.photons.push(Photon {
-                position: (point + direction * f64::from(distance_m)).as_vec3(),
-                normal: if normal.dot(towards) > 0.0 { -normal } else { normal },
-                direction: -towards,
-                flux_w: left_w as f32,
-                timestep: shares.step as u32,
-                surface: emitter.surface,
-            });
-        }
+        let mut flight = Flight { start: None, direction, hit: None };
+        let clear = self.horizons[aim.emitter].as_ref().is_some_and(|h| h.clears(piece, direction));
+        let fate = if clear {
+            Fate::NotSampled
+        } else {
+            let start = emitter.point(piece, random);
+            flight.start = Some(start);
+            let (fate, hit) = self.fly((aim.emitter, piece), start, to_sun, direction);
+            flight.hit = hit;
+            fate
+        };
+        Path { fate, to_sun, weight: scattered.weight, left_w, flight: Some(flight) }
     }
 
-    /// The way to the sun, and the flight: what becomes of the photon, and if it is kept, how far
-    /// it flew and the triangle where it landed.
+    /// What is stored of a photon, if it is.
+    #[inline]
+    fn photon(&self, shares: &Shares, aim: &Aim, path: &Path) -> Option<Photon> {
+        if path.fate != Fate::Stored {
+            return None;
+        }
+        let flight = path.flight.as_ref()?;
+        let (start, (distance_m, triangle)) = (flight.start?, flight.hit?);
+        let towards = flight.direction.as_vec3();
+        let normal = self.emission.site.triangles[triangle as usize].normal();
+        Some(Photon {
+            position: (start + flight.direction * f64::from(distance_m)).as_vec3(),
+            normal: if normal.dot(towards) > 0.0 { -normal } else { normal },
+            direction: -towards,
+            flux_w: path.left_w as f32,
+            timestep: shares.step as u32,
+            surface: self.emitters[aim.emitter].surface,
+        })
+    }
+
+    /// See [`Tracer::replay`]. `None` only where nothing can be sent at all.
+    pub(super) fn retell(&self, draw: Draw, number: u64) -> Option<Retold> {
+        let each_w = self.power.total_w() / draw.emitted as f64;
+        let mut random = Stream::new(draw.seed, draw.purpose, number);
+        let at_w = (number as f64 + random.uniform()) * each_w;
+        let shares = Shares::of(&self.sources(), self.power.find(at_w));
+        let aim = *shares.at(at_w - self.power.before_w(shares.step), &mut 0)?;
+        let path = self.follow(&shares, &aim, each_w, &mut random);
+        let emitter = &self.emitters[aim.emitter];
+        let pv = &self.emission.site.pv[usize::from(emitter.surface)];
+        let start = path.flight.and_then(|f| f.start);
+        let hit = path.flight.and_then(|f| f.hit);
+        let looked = start.is_some() && self.emission.settings.sun_visibility;
+        let target = aim.target;
+        Some(Retold {
+            photon: number,
+            emitted: draw.emitted,
+            timestep: shares.step,
+            to_sun: path.to_sun.to_array(),
+            surface: emitter.surface,
+            back: emitter.frame.z.dot(pv.normal) < 0.0,
+            incidence_deg: libm::acos(emitter.frame.z.dot(path.to_sun).clamp(-1.0, 1.0))
+                .to_degrees(),
+            lobe: lobe(target.square.lobe),
+            lobe_share: target.square.area(),
+            area_share: target.share,
+            weight: path.weight,
+            start: start.map(|p| p.to_array()),
+            direction: path.flight.map(|f| f.direction.to_array()),
+            sun_visible: looked.then_some(path.fate != Fate::Blocked),
+            fate: word(path.fate),
+            distance_m: hit.map(|h| h.0),
+            triangle: hit.map(|h| h.1),
+            landed: self.photon(&shares, &aim, &path).map(|p| p.position.to_array()),
+            flux_w: path.left_w,
+        })
+    }
+
+    /// The way to the sun, and the flight: what becomes of the photon, and if it hits something
+    /// within the limit, how far it flew and which triangle.
     fn fly(
         &self,
         (emitter, piece): (usize, usize),
@@ -213,18 +288,15 @@ impl<'a> Tracer<'a> {
             return (if beyond { Fate::TooFar } else { Fate::Escaped }, None);
         };
         let face = site.face_of(hit.triangle);
+        let landed = Some((hit.distance_m, hit.triangle));
         if face.pv.is_some() {
-            return (Fate::OnPv, None);
+            return (Fate::OnPv, landed);
         }
         let kept = match settings.receivers {
             Receivers::All => true,
             Receivers::Diffuse => site.materials[face.material as usize].diffuse,
         };
-        if kept {
-            (Fate::Stored, Some((hit.distance_m, hit.triangle)))
-        } else {
-            (Fate::Escaped, None)
-        }
+        (if kept { Fate::Stored } else { Fate::Escaped }, landed)
     }
 }
 

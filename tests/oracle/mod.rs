@@ -2,6 +2,7 @@
 
 mod bsdf;
 mod glare;
+mod photons;
 mod picture;
 mod scenes;
 mod sky;

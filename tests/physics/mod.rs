@@ -6,5 +6,5 @@ pub mod bsdf_files;
 mod case_study;
 mod case_study_photons;
 mod render;
-mod trace;
+pub mod trace;
 mod weather;

@@ -4,4 +4,5 @@ mod determinism;
 mod house;
 mod maps;
 mod memory;
+mod photons;
 mod shards;

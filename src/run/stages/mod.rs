@@ -10,7 +10,7 @@ mod suns;
 mod verdicts;
 
 pub(super) use glare::glare;
-pub(super) use photons::{pages, trace};
+pub(super) use photons::{Traced, pages, trace};
 pub(super) use pictures::{key as pictures_key, pictures};
 pub(super) use render::render;
 pub(super) use report::report;

@@ -1,34 +1,53 @@
 use std::fmt::Write as _;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
-use serde_json::{Value, json};
+use serde_json::json;
 
 use super::Context;
-use crate::picture::polar::{self, Curve};
-use crate::site::bsdf::{ANGLES_DEG, BsdfFile, Error, Measured, Side, Spectrum, Table};
+use crate::picture::polar::{Curve, Polar, Radius};
+use crate::site::bsdf::{Account, Error, Fineness, PRESETS, Side, Source, Written};
 
-/// What BSDF files hold: basis, blocks, reflectance by angle, reciprocity; polar plots
+/// What BSDF files, presets and goniophotometer data hold; plots of them; writes BSDF files
 #[derive(Debug, clap::Args)]
 #[command(after_help = "\
-Example: two coatings in one plot, at 30 and 75 degrees of incidence
-  glintmap bsdf standard.xml satinated.xml --plot coatings.svg --angles 30,75
+Example: two materials in one plot, and a file that Radiance reads
+  glintmap bsdf standard satinated tile --plot coatings.svg --angles 30,60
+  glintmap bsdf sample_*.txt --write sample.xml --resolution 7 --prune 80
 
+FILE is a BSDF as WINDOW and Radiance write it (.xml), the name of a preset (--presets), or text of
+a goniophotometer as pabopto2bsdf reads it: lines `theta phi value` under `#intheta`, `#inphi` and
+`#format: theta phi BSDF`; all such files together are one sample.
 `front` is Radiance's front side, WINDOW's `Reflection Back`; `back` is `Reflection Front`.")]
 pub(super) struct Arguments {
-    /// BSDF files as WINDOW and Radiance write them
-    #[arg(required = true, value_name = "FILE")]
+    /// BSDF files, presets, goniophotometer data
+    #[arg(required_unless_present = "presets", value_name = "FILE")]
     files: Vec<PathBuf>,
-    /// Writes a polar plot of the reflection in the plane of incidence, all files superimposed
-    #[arg(long, value_name = "OUT.svg")]
-    plot: Option<PathBuf>,
+    /// Lists the presets and where their numbers come from
+    #[arg(long)]
+    presets: bool,
+    /// Writes a polar plot of the reflection in the plane of incidence, all FILEs superimposed
+    #[arg(long, value_name = "OUT.svg|OUT.png", requires = "files")]
+    plot: Vec<PathBuf>,
     /// Incidence angles of the plot, degrees
-    #[arg(long, value_name = "A,B,…", value_delimiter = ',', default_values_t = [30.0, 60.0, 75.0],
+    #[arg(long, value_name = "A,B,…", value_delimiter = ',', default_values_t = [30.0, 60.0],
           value_parser = angle)]
     angles: Vec<f64>,
-    /// Side to plot: front or back
+    /// Plots from zero instead of five decades
+    #[arg(long)]
+    linear: bool,
+    /// Side to plot or to write: front or back
     #[arg(long, default_value = "front", value_parser = ["front", "back"])]
     side: String,
-    /// Ends with exit code 2 where a file holds more light than came in
+    /// Writes FILE as a tensor tree: rank 3 where isotropic, else 4
+    #[arg(long, value_name = "OUT.xml", requires = "files")]
+    write: Option<PathBuf>,
+    /// Directions along each edge of the square, 2 to this power [default: 7, or 5 for rank 4]
+    #[arg(long, value_name = "N", requires = "write")]
+    resolution: Option<u32>,
+    /// Share of the finest nodes that are merged, %
+    #[arg(long, value_name = "P", default_value_t = 80.0, requires = "write")]
+    prune: f64,
+    /// Ends with exit code 2 where more light is scattered than comes in
     #[arg(long)]
     check: bool,
 }
@@ -40,143 +59,82 @@ fn angle(text: &str) -> Result<f64, String> {
         .ok_or_else(|| "expected degrees from 0 to below 90".to_owned())
 }
 
-fn basis(measured: &Table) -> String {
-    match measured {
-        Table::Matrix(m) => {
-            format!("{}, {} x {}", m.incident.name, m.incident.len(), m.outgoing.len())
-        }
-        Table::Tree(t) => {
-            format!("tensor tree, rank {}, 2^{} cells, {} values", t.rank(), t.levels(), t.values())
-        }
-    }
-}
-
-fn reflection(file: &BsdfFile, side: Side, spectrum: Spectrum) -> Option<Measured> {
-    file.reflection(side, Some(spectrum)).ok()
-}
-
-fn told(file: &BsdfFile, text: &mut String) -> Value {
-    // Writing into a String can't fail.
-    let _ = writeln!(text, "{}: {} ({})", file.path, file.name, file.manufacturer);
-    let mut blocks = Vec::new();
-    for block in &file.blocks {
-        let (way, most) = (block.way.name(), block.most_scattered);
-        let spectrum = block.spectrum;
-        let _ = writeln!(
-            text,
-            "  {:<8} {way:<19} {}; at most {:.1} % scattered{}",
-            format!("{spectrum:?}"),
-            basis(&block.table),
-            100.0 * most,
-            if most > 1.0 + 1e-6 { " — MORE THAN CAME IN" } else { "" }
-        );
-        blocks.push(json!({
-            "spectrum": spectrum,
-            "way": block.way,
-            "basis": basis(&block.table),
-            "most_scattered": most,
-        }));
-    }
-    let mut sides = Vec::new();
-    for (side, word) in [(Side::Front, "front"), (Side::Back, "back")] {
-        for spectrum in [Spectrum::Visible, Spectrum::Solar] {
-            let Some(measured) = reflection(file, side, spectrum) else { continue };
-            let totals = ANGLES_DEG.map(|a| measured.total_at(a));
-            let reciprocity = measured.reciprocity();
-            let list: Vec<String> = ANGLES_DEG
-                .iter()
-                .zip(&totals)
-                .map(|(a, t)| format!("{:.1} % at {a}°", 100.0 * t[1]))
-                .collect();
-            let _ = writeln!(text, "  {word}, {spectrum:?}: reflects {}", list.join(", "));
-            let _ = writeln!(
-                text,
-                "    reciprocity error {:.1} % in the mean, {:.1} % at most",
-                100.0 * reciprocity.mean,
-                100.0 * reciprocity.most
-            );
-            let notes = measured.notes();
-            for note in &notes {
-                let _ = writeln!(text, "    note: {note}");
+impl Arguments {
+    fn plot(&self, sources: &[Source], side: Side, out: &Path) -> anyhow::Result<()> {
+        let mut curves = Vec::new();
+        for (colour, source) in sources.iter().enumerate() {
+            for (dashes, &angle) in self.angles.iter().enumerate() {
+                let steps = (-899..=899).map(|i| f64::from(i) * 0.1);
+                let points = source.in_plane(side, angle, steps)?;
+                let label = format!("{}, light at {angle}°", source.name());
+                curves.push(Curve { label, dashes, colour, points });
             }
-            let rows: Vec<Value> = ANGLES_DEG
-                .iter()
-                .zip(&totals)
-                .map(|(a, t)| {
-                    let (cell_deg, share) = measured.cell_at(*a);
-                    json!({ "angle_deg": a, "least": t[0], "mean": t[1], "most": t[2],
-                            "cell_deg": cell_deg, "largest_share_in_one_cell": share })
-                })
-                .collect();
-            sides.push(json!({
-                "side": side, "spectrum": spectrum, "reflectance": rows,
-                "reciprocity": reciprocity, "notes": notes,
-            }));
         }
+        let polar = Polar {
+            title: "Reflection in the plane of incidence".into(),
+            quantity: "BRDF, 1/sr".into(),
+            radius: if self.linear { Radius::Linear } else { Radius::Logarithmic },
+            arrows: self.angles.iter().copied().enumerate().map(|(i, a)| (a, i)).collect(),
+            curves,
+        };
+        let png = out.extension().is_some_and(|e| e.eq_ignore_ascii_case("png"));
+        if png {
+            polar.write_png(out)?;
+        } else {
+            glintmap_formats::seal::write_bytes(out, polar.svg().as_bytes())?;
+        }
+        Ok(())
     }
-    for note in &file.notes {
-        let _ = writeln!(text, "  note: {note}");
-    }
-    json!({
-        "file": file.path, "name": file.name, "manufacturer": file.manufacturer,
-        "blocks": blocks, "reflection": sides, "notes": file.notes,
-    })
-}
 
-/// `f` in the plane of incidence; light comes from the left.
-fn curve(
-    measured: &Measured,
-    incidence_deg: f64,
-    label: String,
-    colour: usize,
-    nth: usize,
-) -> Curve {
-    let direction = |deg: f64| {
-        let a = deg.to_radians();
-        glam::DVec3::new(libm::sin(a), 0.0, libm::cos(a))
-    };
-    let from = direction(-incidence_deg);
-    let points = (-358..=358)
-        .map(|i| {
-            let angle = f64::from(i) * 0.25;
-            (angle, measured.evaluate(from, direction(angle)))
-        })
-        .collect();
-    let dashes = ["", "7 3", "2 3", "9 3 2 3"][nth % 4].to_owned();
-    Curve { label, dashes, colour, points }
+    fn write(&self, sources: &[Source], side: Side, out: &Path) -> anyhow::Result<Written> {
+        let [source] = sources else {
+            anyhow::bail!(Error::OneToWrite { found: sources.len() });
+        };
+        let resolution = self.resolution.unwrap_or(if source.is_isotropic(side)? { 7 } else { 5 });
+        let written = source.write(side, Fineness { resolution, prune: self.prune })?;
+        glintmap_formats::seal::write_bytes(out, written.text.as_bytes())?;
+        Ok(written)
+    }
 }
 
 pub(super) fn run(arguments: &Arguments, context: &Context) -> anyhow::Result<()> {
-    let files = arguments.files.iter().map(|p| BsdfFile::read(p)).collect::<Result<Vec<_>, _>>()?;
+    let side = if arguments.side == "back" { Side::Back } else { Side::Front };
     let mut text = String::new();
-    let document: Vec<Value> = files.iter().map(|f| told(f, &mut text)).collect();
-    if let Some(out) = &arguments.plot {
-        let side = if arguments.side == "back" { Side::Back } else { Side::Front };
-        let mut curves = Vec::new();
-        for (i, file) in files.iter().enumerate() {
-            let measured = file.reflection(side, None)?;
-            let name = arguments.files[i].file_name().unwrap_or_default().to_string_lossy();
-            for (nth, &angle) in arguments.angles.iter().enumerate() {
-                let label = format!("{name}, {} side, incidence {angle}°", arguments.side);
-                curves.push(curve(&measured, angle, label, i, nth));
-            }
+    // Writing into a String can't fail.
+    if arguments.presets {
+        for p in PRESETS {
+            let _ = writeln!(text, "{:<16} {}\n{:17}{}", p.name, p.about, "", json!(p.model()));
+            let _ = writeln!(text, "{:17}from: {}", "", p.source);
         }
-        let svg = polar::svg("Reflection in the plane of incidence", "1/sr", &curves);
-        glintmap_formats::seal::write_bytes(out, svg.as_bytes())?;
+    }
+    let sources = Source::open(&arguments.files)?;
+    let accounts: Vec<Account> = sources.iter().map(Account::of).collect();
+    accounts.iter().for_each(|a| text.push_str(&a.text));
+    for out in &arguments.plot {
+        arguments.plot(&sources, side, out)?;
         let _ = writeln!(text, "wrote {}", out.display());
     }
-    context.print(&json!({ "files": document }), &text)?;
-    if arguments.check
-        && let Some((file, block)) = files
+    let mut document = json!({
+        "files": accounts.iter().map(|a| &a.document).collect::<Vec<_>>(),
+    });
+    if arguments.presets {
+        document["presets"] = PRESETS
             .iter()
-            .find_map(|f| f.blocks.iter().find(|b| b.most_scattered > 1.0 + 1e-6).map(|b| (f, b)))
+            .map(|p| json!({ "name": p.name, "about": p.about, "source": p.source, "model": p.model() }))
+            .collect();
+    }
+    if let Some(out) = &arguments.write {
+        let written = arguments.write(&sources, side, out)?;
+        let _ = write!(text, "wrote {}: {}", out.display(), written.told());
+        document["written"] = json!(written);
+    }
+    context.print(&document, &text)?;
+    if arguments.check
+        && let Some((at, &(block, share))) =
+            accounts.iter().enumerate().find_map(|(i, a)| a.violations.first().map(|v| (i, v)))
     {
-        return Err(Error::TooMuch {
-            path: file.path.clone(),
-            block: block.way.name(),
-            percent: 100.0 * block.most_scattered,
-        }
-        .into());
+        let path = sources[at].name();
+        return Err(Error::TooMuch { path, block, percent: 100.0 * share }.into());
     }
     Ok(())
 }

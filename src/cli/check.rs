@@ -5,9 +5,8 @@ use serde_json::json;
 
 use super::Context;
 use crate::base::limits::MAX_FINDINGS_SHOWN;
-use crate::run::{Assignment, Resolved};
-use crate::site::{Site, check};
-use crate::sky;
+use crate::run::{self, Assignment, Resolved};
+use crate::site::{self, check};
 
 /// Read all inputs and say what was understood and what looks wrong, without running
 #[derive(Debug, clap::Args)]
@@ -22,12 +21,18 @@ pub(super) struct Arguments {
 
 pub(super) fn run(arguments: &Arguments, context: &Context) -> anyhow::Result<()> {
     let resolved = Resolved::read(&arguments.project, &arguments.set, 1 << 30)?;
-    let timeline = sky::timeline(&resolved.place, &resolved.times)?;
-    let site = Site::load(&resolved.scene, &resolved.pv)?;
-    let summary = check::summarise(&site);
+    let timeline = resolved.timeline()?;
+    let loaded = site::load(&resolved.scene, &resolved.pv)?;
+    let (site, summary) = (&loaded.site, check::summarise_loaded(&loaded));
+    // A folder that can't be written to is no reason not to say what was read.
+    let plan = run::draw_site(&resolved.folder, &resolved.project.site.name, site, &summary);
     let names: Vec<&str> = resolved.candidates.iter().map(|c| c.name.as_str()).collect();
     let mut text = format!("{summary}\n");
     // Writing into a String can't fail.
+    let _ = match &plan {
+        Ok(path) => writeln!(text, "plan of the site: {}", path.display()),
+        Err(why) => writeln!(text, "no plan of the site: {why}"),
+    };
     let _ = writeln!(text, "{} timesteps with the sun above the horizon", timeline.steps.len());
     let _ = writeln!(text, "materials: {}", names.join(", "));
     for candidate in &resolved.candidates {
@@ -46,6 +51,7 @@ pub(super) fn run(arguments: &Arguments, context: &Context) -> anyhow::Result<()
         "site": summary,
         "timesteps": timeline.steps.len(),
         "materials": names,
+        "plan": plan.ok(),
         "findings": site.findings,
     });
     context.print(&document, &text)

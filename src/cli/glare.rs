@@ -80,6 +80,7 @@ fn analyse(arguments: &Analyse, context: &Context) -> anyhow::Result<()> {
         connectivity: arguments.connectivity,
         allow_nonfinite: arguments.allow_nonfinite,
         memory_bytes: arguments.memory,
+        spill: arguments.out.clone(),
     };
     let plan = glare::plan(&volume, &settings, arguments.keep_filtered)?;
     let out = &arguments.out;

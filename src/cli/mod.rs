@@ -10,6 +10,7 @@ mod demo;
 mod exit;
 mod glare;
 mod inspect;
+mod mirror;
 mod new;
 mod ours;
 mod picture;
@@ -68,6 +69,7 @@ enum Command {
     Plan(plan::Arguments),
     Check(check::Arguments),
     Probe(probe::Arguments),
+    Mirror(mirror::Arguments),
     Suns(suns::Arguments),
     Trace(trace::Arguments),
     #[command(subcommand)]
@@ -102,6 +104,7 @@ pub fn run(cli: Cli) -> anyhow::Result<()> {
         Command::Plan(arguments) => plan::run(&arguments, &context),
         Command::Check(arguments) => check::run(&arguments, &context),
         Command::Probe(arguments) => probe::run(&arguments, &context),
+        Command::Mirror(arguments) => mirror::run(&arguments, &context),
         Command::Suns(arguments) => suns::run(&arguments, &context),
         Command::Trace(arguments) => trace::run(&arguments, &context),
         Command::Glare(command) => glare::run(&command, &context),

@@ -5,8 +5,8 @@ use anyhow::Context as _;
 use serde_json::json;
 
 use super::Context;
-use crate::run::{self, SiteAt};
-use crate::site::{Select, check};
+use crate::run::{self, NewScene, SiteAt};
+use crate::site::{SceneFile, Select, check};
 
 /// Write a project for a site of one's own, with a plan view and a panorama that fit
 #[derive(Debug, clap::Args)]
@@ -16,7 +16,7 @@ use crate::site::{Select, check};
 pub(super) struct Arguments {
     /// The folder; made if it isn't there
     dir: PathBuf,
-    /// Scene files: .rad, .city.json, .city.jsonl
+    /// Scene files: .rad, .city.json, .city.jsonl, .obj, .gltf, .glb, .ply, .stl, .asc, .tif
     #[arg(long, required = true, num_args = 1.., value_name = "FILE")]
     scene: Vec<PathBuf>,
     /// Degrees north
@@ -28,8 +28,17 @@ pub(super) struct Arguments {
     /// Degrees east, of the time zone's standard time (Central Europe: 15)
     #[arg(long, allow_negative_numbers = true, value_name = "D")]
     meridian: f64,
+    /// Unit of the meshes' coordinates: m, cm, mm, km, in, ft. OBJ, PLY and STL don't say it
+    #[arg(long, value_name = "UNIT")]
+    unit: Option<String>,
+    /// Which axis of the meshes points up: z, y, x. OBJ, PLY and STL don't say it
+    #[arg(long, value_name = "AXIS")]
+    up: Option<String>,
+    /// True north, degrees clockwise from the files' y axis; left out, the map's projection says it
+    #[arg(long, allow_negative_numbers = true, value_name = "D")]
+    north: Option<f64>,
     /// Which surfaces are PV, as KEY=VALUE,…: modifier, material, object, surface,
-    /// min_tilt_deg, max_tilt_deg
+    /// min_tilt_deg, max_tilt_deg, azimuth_deg=FROM:TO
     #[arg(long, default_value = "modifier=pv", value_name = "SELECTOR")]
     pv: Selector,
 }
@@ -55,9 +64,16 @@ impl FromStr for Selector {
                 "surface" => select.surface = Some(value.into()),
                 "min_tilt_deg" => select.min_tilt_deg = Some(number()?),
                 "max_tilt_deg" => select.max_tilt_deg = Some(number()?),
+                "azimuth_deg" => {
+                    let ends = value.split_once(':').map(|(a, b)| (a.parse(), b.parse()));
+                    let Some((Ok(from), Ok(to))) = ends else {
+                        return Err(format!("azimuth_deg: expected FROM:TO, found `{value}`"));
+                    };
+                    select.azimuth_deg = Some([from, to]);
+                }
                 other => {
                     return Err(format!(
-                        "`{other}` is none of modifier, material, object, surface, min_tilt_deg, max_tilt_deg"
+                        "`{other}` is none of modifier, material, object, surface, min_tilt_deg, max_tilt_deg, azimuth_deg"
                     ));
                 }
             }
@@ -72,13 +88,31 @@ pub(super) fn run(arguments: &Arguments, context: &Context) -> anyhow::Result<()
         longitude: arguments.longitude,
         meridian: arguments.meridian,
     };
-    let site = run::create(&arguments.dir, &arguments.scene, &at, &arguments.pv.0)
-        .with_context(|| format!("no project was written into {}", arguments.dir.display()))?;
-    let summary = check::summarise(&site);
     let folder = arguments.dir.display();
+    let loaded = run::create(&arguments.dir, &scene(arguments)?, &at)
+        .with_context(|| format!("no project was written into {folder}"))?;
+    let summary = check::summarise_loaded(&loaded);
+    let name = arguments.dir.file_name().unwrap_or_default().to_string_lossy();
+    let plan = run::draw_site(&arguments.dir, &name, &loaded.site, &summary)?;
     let text = format!(
-        "{summary}\nwrote {folder}/project.toml\nnext: glintmap plan {folder}, glintmap run {folder} --set photons.stored=200000"
+        "{summary}\nwrote {folder}/project.toml, {}\nnext: glintmap plan {folder}, glintmap run {folder} --set photons.stored=200000",
+        plan.display()
     );
-    let document = json!({ "project": arguments.dir.join("project.toml"), "site": summary });
+    let document =
+        json!({ "project": arguments.dir.join("project.toml"), "site": summary, "plan": plan });
     context.print(&document, &text)
+}
+
+fn scene(arguments: &Arguments) -> anyhow::Result<NewScene> {
+    let mut files: Vec<SceneFile> = arguments.scene.iter().map(SceneFile::new).collect();
+    let stated = arguments.unit.is_some() || arguments.up.is_some();
+    if stated && !files.iter().any(SceneFile::is_mesh) {
+        anyhow::bail!(run::Error::Unsupported(
+            "--unit and --up are for meshes (OBJ, glTF, PLY, STL), and --scene names none; files of all other formats are in metres, z up".into()
+        ));
+    }
+    for file in files.iter_mut().filter(|f| f.is_mesh()) {
+        (file.unit, file.up) = (arguments.unit.clone(), arguments.up.clone());
+    }
+    Ok(NewScene { files, north_deg: arguments.north, select: arguments.pv.0.clone() })
 }

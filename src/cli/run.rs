@@ -28,6 +28,9 @@ pub(super) struct How {
     #[arg(long, value_name = "STAGE", value_parser = stage())]
     force: Option<Stage>,
     /// Trace only the I-th of N shares of the photons (with --until trace)
+    ///
+    /// Each share can be traced on another machine, if all see the project's folder. A run without
+    /// it joins them, and goes on with the same bytes as if one machine had traced everything.
     #[arg(long, value_name = "I/N", requires = "until")]
     shard: Option<Shard>,
     /// Override a key of the project file; tables by name, TOML values
@@ -84,6 +87,17 @@ fn told(summary: &Summary, until: Stage) -> String {
         (made, 0) => writeln!(text, "made {made} units"),
         (made, current) => writeln!(text, "made {made} units, {current} were up to date"),
     };
+    let cache = summary.page_cache;
+    if cache.hits + cache.misses > 0 {
+        let _ = writeln!(
+            text,
+            "photon pages: {} hits, {} misses, {} evictions; {} MiB decompressed",
+            cache.hits,
+            cache.misses,
+            cache.evictions,
+            cache.decompressed_bytes >> 20
+        );
+    }
     if summary.draft {
         let _ =
             writeln!(text, "draft, not for assessment: fewer than 4 million photons a material");

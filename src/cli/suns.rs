@@ -1,9 +1,10 @@
 use std::io::{self, BufWriter, Write};
+use std::path::PathBuf;
 
 use serde_json::json;
 
 use super::Context;
-use crate::sky::{self, DayRange, HourRange, Irradiance, Place, SunModel, TimeSpec};
+use crate::sky::{self, DayRange, HourRange, Irradiance, Place, SunModel, TimeSpec, Weather};
 
 /// The timesteps of a run and their suns, as CSV
 #[derive(Debug, clap::Args)]
@@ -37,8 +38,10 @@ pub(super) struct Arguments {
     /// Where the sun stands
     #[arg(long, value_enum, default_value = "spa")]
     sun: Sun,
-    /// How strong it is [default: gensky with gensky's suns, else clear-sky]
-    #[arg(long, value_enum)]
+    /// How strong it is: gensky (Radiance's visible watts, about half of the full spectrum),
+    /// clear-sky (broadband, Ineichen and Perez 2002, Linke turbidity 3) or epw=FILE (the weather
+    /// of an EPW file) [default: gensky with gensky's suns, else clear-sky]
+    #[arg(long, value_name = "gensky|clear-sky|epw=FILE", value_parser = strength)]
     irradiance: Option<Strength>,
     /// The year; gensky's suns differ in leap years only
     #[arg(long, value_name = "Y", default_value_t = 2025, allow_negative_numbers = true)]
@@ -59,12 +62,20 @@ enum Sun {
     Spa,
 }
 
-#[derive(Clone, Copy, Debug, clap::ValueEnum)]
+#[derive(Clone, Debug)]
 enum Strength {
-    /// Radiance's visible watts, about half of the full spectrum
     Gensky,
-    /// Broadband: Ineichen and Perez 2002, Linke turbidity 3
     ClearSky,
+    Epw(PathBuf),
+}
+
+fn strength(text: &str) -> Result<Strength, String> {
+    match text.split_once('=') {
+        Some(("epw", path)) if !path.is_empty() => Ok(Strength::Epw(path.into())),
+        None if text == "gensky" => Ok(Strength::Gensky),
+        None if text == "clear-sky" => Ok(Strength::ClearSky),
+        _ => Err("expected gensky, clear-sky or epw=FILE".to_owned()),
+    }
 }
 
 impl Arguments {
@@ -80,10 +91,11 @@ impl Arguments {
             Sun::Gensky => SunModel::Gensky,
             Sun::Spa => SunModel::Spa,
         };
-        let irradiance = match self.irradiance {
+        let irradiance = match &self.irradiance {
             None => sun.default_irradiance(),
             Some(Strength::Gensky) => Irradiance::Gensky,
             Some(Strength::ClearSky) => Irradiance::ClearSky,
+            Some(Strength::Epw(path)) => Irradiance::Epw(Weather::read(path)?),
         };
         let spec = TimeSpec {
             year: self.year,

@@ -1,37 +1,49 @@
+use std::io;
+
 use super::event::Growing;
 use super::label::Labels;
+use super::paged::Paged;
 use super::threshold::Run;
 
 const NONE: u32 = u32::MAX;
+/// Stands for the newest event of a pixel some of whose visits were paged out: none. All its
+/// events are visits then, so that an event finds them when it ends.
+const PAGED: u32 = u32::MAX - 1;
 
 /// How long each pixel was above the threshold so far, and in which events that are alive.
 ///
-/// A pixel's newest event and its count there lie in arrays. The other events that are alive and
-/// have been at the pixel are *visits*: they hang on the pixel in one list and on their event in
+/// A pixel notes its newest event and the count there. The other events that are alive and have
+/// been at the pixel are *visits*: they hang on the pixel in one list and on their event in
 /// another. When an event is over, the pixels of its visits are settled: counts of events that
 /// merged since add up. Pixels without visits never need that.
 #[derive(Debug)]
 pub(super) struct Durations {
-    /// Timesteps above the threshold.
-    pub cumulative: Vec<i32>,
-    /// The most timesteps of one event.
-    pub sustained: Vec<i32>,
-    /// The longest uninterrupted run of timesteps.
-    pub longest_run: Vec<i32>,
-    /// When the present run of timesteps began.
-    since: Vec<u32>,
-    /// When the pixel was above the threshold last; before any clock if never.
-    last: Vec<u32>,
-    /// The newest event there; of use only while it's alive, see [`Self::newest`].
-    label: Vec<u32>,
-    /// Timesteps of that event.
-    count: Vec<u32>,
-    /// The pixel's first visit.
-    visits: Vec<u32>,
-    pool: Vec<Visit>,
-    free: Vec<u32>,
+    pixels: Vec<Pixel>,
+    visits: Visits,
     /// The pixels that an event's end has to settle.
     settling: Vec<u32>,
+}
+
+/// All of a pixel lies in half a cache line.
+#[derive(Clone, Copy, Debug)]
+#[repr(align(32))]
+struct Pixel {
+    /// Timesteps above the threshold.
+    cumulative: u32,
+    /// The most timesteps of one event.
+    sustained: u32,
+    /// The longest uninterrupted run of timesteps.
+    longest_run: u32,
+    /// When the present run of timesteps began.
+    since: u32,
+    /// When the pixel was above the threshold last; before any clock if never.
+    last: u32,
+    /// The newest event there; of use only while it's alive, see [`Pixel::newest`].
+    label: u32,
+    /// Timesteps of that event.
+    count: u32,
+    /// The first visit.
+    visits: u32,
 }
 
 /// An event, alive, that has been at a pixel, which another event has seen since.
@@ -53,52 +65,74 @@ pub(super) struct Alive {
     pub growing: Growing,
     /// One of its visits.
     visits: u32,
+    /// Its number among those of which something was paged out.
+    pub serial: Option<u32>,
 }
 
 impl Alive {
     pub fn new(timestep: u32) -> Self {
-        Self { growing: Growing::new(timestep), visits: NONE }
+        Self { growing: Growing::new(timestep), visits: NONE, serial: None }
+    }
+}
+
+impl Pixel {
+    const DARK: Self = Self {
+        cumulative: 0,
+        sustained: 0,
+        longest_run: 0,
+        since: 0,
+        last: 0,
+        label: 0,
+        count: 0,
+        visits: NONE,
+    };
+
+    /// The event that the pixel saw last, if it's alive.
+    fn newest(&self, labels: &mut Labels) -> Option<u32> {
+        // A number that was handed out anew since stands for another event.
+        let known = (self.label as usize) < labels.len();
+        let alive = known && self.last >= labels.born(self.label);
+        alive.then(|| labels.find(self.label))
     }
 }
 
 impl Durations {
-    /// Bytes for each pixel.
-    pub const BYTES_PER_PIXEL: u64 = 32;
+    /// Bytes for each pixel, with those of the maps in the end.
+    pub const BYTES_PER_PIXEL: u64 = 32 + 12;
 
     pub fn new(pixels: usize) -> Self {
-        Self {
-            cumulative: vec![0; pixels],
-            sustained: vec![0; pixels],
-            longest_run: vec![0; pixels],
-            since: vec![0; pixels],
-            last: vec![0; pixels],
-            label: vec![0; pixels],
-            count: vec![0; pixels],
-            visits: vec![NONE; pixels],
-            pool: Vec::new(),
-            free: Vec::new(),
-            settling: Vec::new(),
-        }
+        let visits = Visits { pool: Vec::new(), free: Vec::new() };
+        Self { pixels: vec![Pixel::DARK; pixels], visits, settling: Vec::new() }
     }
 
-    /// Bytes in memory beyond those of the pixels.
+    /// Timesteps above the threshold, the most timesteps of one event, and the longest
+    /// uninterrupted run of each pixel.
+    pub fn maps(self) -> [Vec<i32>; 3] {
+        // All are bounded by MAX_TIMESTEPS.
+        let map = |of: fn(&Pixel) -> u32| self.pixels.iter().map(|p| of(p) as i32).collect();
+        [map(|p| p.cumulative), map(|p| p.sustained), map(|p| p.longest_run)]
+    }
+
+    /// Bytes in memory beyond those of the pixels and visits.
     pub fn bytes(&self) -> usize {
-        self.pool.capacity() * size_of::<Visit>()
-            + (self.free.capacity() + self.settling.capacity()) * size_of::<u32>()
+        self.settling.capacity() * size_of::<u32>()
+    }
+
+    /// Bytes that visits take.
+    pub fn visit_bytes(&self) -> usize {
+        self.visits.pool.len() * size_of::<Visit>() + self.visits.free.len() * size_of::<u32>()
     }
 
     /// Two events are one: `kept` takes the visits of `given_up`.
-    pub fn join(&mut self, alive: &mut [Alive], kept: u32, given_up: u32) {
+    pub fn join(&mut self, alive: &mut [Alive], kept: u32, given_up: u32, paged: &mut Paged) {
         let other = alive[given_up as usize];
         let one = &mut alive[kept as usize];
         one.growing.merge(&other.growing);
+        one.serial = paged.join(one.serial, other.serial);
         if one.visits == NONE {
             one.visits = other.visits;
         } else if other.visits != NONE {
-            let (a, b) = (one.visits, other.visits);
-            let (a_after, b_after) = (self.visit(a).after, self.visit(b).after);
-            self.link(a, b_after);
-            self.link(b, a_after);
+            self.visits.splice(one.visits, other.visits);
         }
     }
 
@@ -112,80 +146,173 @@ impl Durations {
         labels: &mut Labels,
         alive: &mut [Alive],
     ) {
-        let row = run.row as usize * columns;
-        let pixels = row + run.start as usize..row + run.end as usize;
-        for cumulative in &mut self.cumulative[pixels.clone()] {
-            *cumulative += 1;
-        }
+        let first = run.row as usize * columns + run.start as usize;
         let born = labels.born(root);
-        for pixel in pixels {
-            let last = self.last[pixel];
+        let pixels = &mut self.pixels[first..][..(run.end - run.start) as usize];
+        for (pixel, at) in pixels.iter_mut().zip(first..) {
+            let last = pixel.last;
             if last + 1 != clock {
-                self.since[pixel] = clock;
+                pixel.since = clock;
             }
-            let run_length = (clock - self.since[pixel] + 1) as i32;
-            self.longest_run[pixel] = self.longest_run[pixel].max(run_length);
-            let count = if self.label[pixel] == root && last >= born && self.visits[pixel] == NONE {
-                self.count[pixel] + 1
+            pixel.cumulative += 1;
+            pixel.longest_run = pixel.longest_run.max(clock - pixel.since + 1);
+            let count = if pixel.label == root && last >= born && pixel.visits == NONE {
+                pixel.count + 1
             } else {
-                self.count_before(pixel, root, labels, alive) + 1
+                self.visits.enter(pixel, at, root, labels, alive)
             };
-            self.label[pixel] = root;
-            self.count[pixel] = count;
-            self.last[pixel] = clock;
-            self.sustained[pixel] = self.sustained[pixel].max(count as i32);
+            pixel.count = count;
+            pixel.last = clock;
+            pixel.sustained = pixel.sustained.max(count);
         }
     }
 
-    /// The event that the pixel saw last, if it's alive.
-    fn newest(&self, pixel: usize, labels: &mut Labels) -> Option<u32> {
-        let label = self.label[pixel];
-        // A number that was handed out anew since stands for another event.
-        let alive = (label as usize) < labels.len() && self.last[pixel] >= labels.born(label);
-        alive.then(|| labels.find(label))
+    /// The event of `root` is over: settles the pixels where it had visits.
+    pub fn settle(
+        &mut self,
+        root: u32,
+        labels: &mut Labels,
+        alive: &mut [Alive],
+        paged: &mut Paged,
+    ) -> io::Result<()> {
+        let mut settling = std::mem::take(&mut self.settling);
+        self.visits.pixels_of(&alive[root as usize], &mut settling);
+        for number in settling.drain(..) {
+            let pixel = &mut self.pixels[number as usize];
+            let (mut count, mut found) = self.visits.take(pixel, root, labels, alive);
+            if found == 0 {
+                continue;
+            }
+            if pixel.newest(labels) == Some(root) {
+                count += pixel.count;
+                found += 1;
+            }
+            pixel.sustained = pixel.sustained.max(count);
+            alive[root as usize].growing.pixels -= found - 1;
+            if let (PAGED, Some(serial)) = (pixel.label, alive[root as usize].serial) {
+                paged.add(number, serial, count)?;
+            }
+        }
+        self.settling = settling;
+        Ok(())
     }
 
-    /// How many timesteps the event of `root` has at `pixel` so far. What the pixel knew as its
-    /// newest event becomes a visit if it is another one; visits of this event end.
-    fn count_before(
+    /// Hands all visits over to the disk.
+    pub fn page_out(
         &mut self,
-        pixel: usize,
+        labels: &mut Labels,
+        alive: &mut [Alive],
+        paged: &mut Paged,
+    ) -> io::Result<()> {
+        for (pixel, number) in self.pixels.iter_mut().zip(0..) {
+            if pixel.visits == NONE {
+                continue;
+            }
+            let newest = pixel.newest(labels);
+            let mut at = pixel.visits;
+            let visits = std::iter::from_fn(|| {
+                let visit = *self.visits.pool.get(at as usize)?;
+                at = visit.next;
+                Some((visit.label, visit.count))
+            });
+            for (label, count) in visits.chain(newest.map(|label| (label, pixel.count))) {
+                let root = labels.find(label) as usize;
+                let serial = *alive[root].serial.get_or_insert_with(|| paged.serial());
+                alive[root].visits = NONE;
+                paged.add(number, serial, count)?;
+            }
+            (pixel.visits, pixel.label) = (NONE, PAGED);
+        }
+        self.visits.pool.clear();
+        self.visits.free.clear();
+        Ok(())
+    }
+
+    /// What was paged out counts `count` timesteps of one event at a pixel, which from now on is
+    /// like any other: no event is alive.
+    pub fn bring_back(&mut self, pixel: u32, count: u32) {
+        let pixel = &mut self.pixels[pixel as usize];
+        pixel.sustained = pixel.sustained.max(count);
+        pixel.label = 0;
+    }
+
+    /// Replaces all numbers by those that their events go by.
+    pub fn without_aliases(&mut self, labels: &mut Labels) {
+        for pixel in &mut self.pixels {
+            // A stale number may be handed out anew, but then it's younger than `last`.
+            if let Some(root) = pixel.newest(labels) {
+                pixel.label = root;
+            }
+            let mut at = pixel.visits;
+            while at != NONE {
+                let visit = &mut self.visits.pool[at as usize];
+                visit.label = labels.find(visit.label);
+                at = visit.next;
+            }
+        }
+    }
+}
+
+#[derive(Debug)]
+struct Visits {
+    pool: Vec<Visit>,
+    free: Vec<u32>,
+}
+
+impl Visits {
+    /// The event of `root` is at a pixel where it wasn't just before; how many timesteps it has
+    /// there now. What the pixel knew as its newest event becomes a visit if it is another one;
+    /// visits of this event end.
+    #[inline(never)]
+    fn enter(
+        &mut self,
+        pixel: &mut Pixel,
+        number: usize,
         root: u32,
         labels: &mut Labels,
         alive: &mut [Alive],
     ) -> u32 {
-        let (mut count, found) = self.take_visits(pixel, root, labels, alive);
-        let mut found = found;
-        match self.newest(pixel, labels) {
+        let (mut count, mut found) = match pixel.visits {
+            NONE => (0, 0),
+            _ => self.take(pixel, root, labels, alive),
+        };
+        match pixel.newest(labels) {
             Some(newest) if newest == root => {
-                count += self.count[pixel];
+                count += pixel.count;
                 found += 1;
             }
-            Some(other) => self.add_visit(pixel, other, &mut alive[other as usize]),
+            Some(other) => {
+                self.add(pixel, number, other, pixel.count, &mut alive[other as usize]);
+            }
             None => {}
         }
         let pixels = &mut alive[root as usize].growing.pixels;
         *pixels = *pixels + 1 - found;
-        count
+        if pixel.label == PAGED {
+            self.add(pixel, number, root, count + 1, &mut alive[root as usize]);
+        } else {
+            pixel.label = root;
+        }
+        count + 1
     }
 
     /// Removes the visits of an event from a pixel; their counts, and how many they were.
-    fn take_visits(
+    fn take(
         &mut self,
-        pixel: usize,
+        pixel: &mut Pixel,
         root: u32,
         labels: &mut Labels,
         alive: &mut [Alive],
     ) -> (u32, u64) {
         let (mut count, mut found) = (0, 0);
-        let (mut before, mut at) = (NONE, self.visits[pixel]);
+        let (mut before, mut at) = (NONE, pixel.visits);
         while at != NONE {
-            let visit = *self.visit(at);
+            let visit = self.pool[at as usize];
             if labels.find(visit.label) == root {
                 count += visit.count;
                 found += 1;
                 match before {
-                    NONE => self.visits[pixel] = visit.next,
+                    NONE => pixel.visits = visit.next,
                     before => self.pool[before as usize].next = visit.next,
                 }
                 self.unlink(at, &mut alive[root as usize]);
@@ -197,14 +324,14 @@ impl Durations {
         (count, found)
     }
 
-    fn add_visit(&mut self, pixel: usize, root: u32, event: &mut Alive) {
+    fn add(&mut self, pixel: &mut Pixel, place: usize, root: u32, count: u32, event: &mut Alive) {
         let number = self.free.pop().unwrap_or(self.pool.len() as u32);
         let visit = Visit {
             // Pixels are bounded by MAX_VIEW_PIXELS.
-            pixel: pixel as u32,
+            pixel: place as u32,
             label: root,
-            count: self.count[pixel],
-            next: self.visits[pixel],
+            count,
+            next: pixel.visits,
             after: number,
             before: number,
         };
@@ -212,18 +339,19 @@ impl Durations {
             Some(old) => *old = visit,
             None => self.pool.push(visit),
         }
-        self.visits[pixel] = number;
+        pixel.visits = number;
         if event.visits == NONE {
             event.visits = number;
         } else {
-            let after = self.visit(event.visits).after;
-            self.link(event.visits, number);
-            self.link(number, after);
+            self.splice(event.visits, number);
         }
     }
 
-    fn visit(&self, number: u32) -> &Visit {
-        &self.pool[number as usize]
+    /// Makes one ring of two.
+    fn splice(&mut self, a: u32, b: u32) {
+        let (a_after, b_after) = (self.pool[a as usize].after, self.pool[b as usize].after);
+        self.link(a, b_after);
+        self.link(b, a_after);
     }
 
     fn link(&mut self, a: u32, b: u32) {
@@ -232,7 +360,7 @@ impl Durations {
     }
 
     fn unlink(&mut self, number: u32, event: &mut Alive) {
-        let Visit { after, before, .. } = *self.visit(number);
+        let Visit { after, before, .. } = self.pool[number as usize];
         self.link(before, after);
         if event.visits == number {
             event.visits = if after == number { NONE } else { after };
@@ -240,53 +368,13 @@ impl Durations {
         self.free.push(number);
     }
 
-    /// The event of `root` is over: settles the pixels where it had visits.
-    pub fn settle(&mut self, root: u32, labels: &mut Labels, alive: &mut [Alive]) {
-        let first = alive[root as usize].visits;
-        if first == NONE {
-            return;
-        }
-        let mut pixels = std::mem::take(&mut self.settling);
-        let mut at = first;
-        loop {
-            let visit = self.visit(at);
-            pixels.push(visit.pixel);
-            at = visit.after;
-            if at == first {
-                break;
-            }
-        }
-        for pixel in pixels.drain(..).map(|pixel| pixel as usize) {
-            let (mut count, mut found) = self.take_visits(pixel, root, labels, alive);
-            if found == 0 {
-                continue;
-            }
-            if self.newest(pixel, labels) == Some(root) {
-                count += self.count[pixel];
-                found += 1;
-            }
-            self.sustained[pixel] = self.sustained[pixel].max(count as i32);
-            alive[root as usize].growing.pixels -= found - 1;
-        }
-        self.settling = pixels;
-    }
-
-    /// Replaces all numbers by those that their events go by.
-    pub fn without_aliases(&mut self, labels: &mut Labels) {
-        for pixel in 0..self.label.len() {
-            // A stale number may be handed out anew, but then it's younger than `last`.
-            if let Some(root) = self.newest(pixel, labels) {
-                self.label[pixel] = root;
-            }
-        }
-        for (head, pixel) in self.visits.iter().zip(0..) {
-            let mut at = *head;
-            while at != NONE {
-                let visit = &mut self.pool[at as usize];
-                debug_assert_eq!(visit.pixel, pixel);
-                visit.label = labels.find(visit.label);
-                at = visit.next;
-            }
+    /// Appends the pixels of all visits of an event.
+    fn pixels_of(&self, event: &Alive, out: &mut Vec<u32>) {
+        let mut at = event.visits;
+        while at != NONE {
+            let visit = self.pool[at as usize];
+            out.push(visit.pixel);
+            at = if visit.after == event.visits { NONE } else { visit.after };
         }
     }
 }

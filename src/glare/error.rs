@@ -63,6 +63,16 @@ pub enum Error {
         /// Timesteps of the volume.
         timesteps: usize,
     },
+    /// A piece of another year than the session was begun with.
+    #[error(
+        "slices of a volume of {found:?} were handed to an analysis of {expected:?} (timesteps, rows, columns)"
+    )]
+    Source {
+        /// The year's shape.
+        expected: [usize; 3],
+        /// The source's shape.
+        found: [usize; 3],
+    },
     /// A calendar that doesn't fit the volume.
     #[error("the volume's calendar has {found} entries for {timesteps} timesteps")]
     Calendar {
@@ -133,6 +143,9 @@ pub enum Error {
     /// The filtered volume can't be written.
     #[error("the filtered volume can't be written")]
     Filtered(#[source] io::Error),
+    /// What doesn't fit into memory can't be put aside.
+    #[error("glare events that don't fit into memory can't be written into a temporary file")]
+    Spill(#[source] io::Error),
     /// The length of a timestep can't be right.
     #[error("the volume's time step is {0} h, expected more than 0 and at least a second")]
     Step(f64),
@@ -149,7 +162,7 @@ impl Error {
     pub fn kind(&self) -> FaultKind {
         match self {
             Self::Read(failure) => failure.kind,
-            Self::Filtered(_) | Self::Events { .. } => FaultKind::Failed,
+            Self::Filtered(_) | Self::Spill(_) | Self::Events { .. } => FaultKind::Failed,
             Self::Interrupted(_) => FaultKind::Interrupted,
             _ => FaultKind::Input,
         }

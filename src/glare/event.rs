@@ -28,14 +28,6 @@ pub struct Event {
     pub smallest_voxel: u64,
 }
 
-impl Event {
-    /// By first and last timestep, voxels, pixels, then the smallest voxel: events in the order
-    /// in which they are written.
-    pub fn sort(events: &mut [Self]) {
-        events.sort_unstable_by_key(|e| (e.first, e.last, e.voxels, e.pixels, e.smallest_voxel));
-    }
-}
-
 /// What is known so far of an event that is still alive.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Growing {

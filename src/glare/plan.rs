@@ -2,6 +2,7 @@ use super::duration::Durations;
 use super::error::Error;
 use super::settings::Settings;
 use super::smooth::Smoother;
+use super::stream::checked;
 use super::track::Yearly;
 
 /// Timesteps that are filtered together: each slice of the window is then fetched from memory
@@ -12,6 +13,9 @@ const MAX_BLOCK: usize = 256;
 /// Bytes that a block may have for the sake of fewer reads.
 const SMALL_BLOCK_BYTES: u64 = 4 << 20;
 
+/// Bytes that may be kept in memory at most of what could be spilled.
+const MAX_SPILL_BYTES: u64 = 64 << 20;
+
 /// How an analysis is cut into steps. Any plan gives the same result.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
 pub struct Plan {
@@ -21,37 +25,49 @@ pub struct Plan {
     pub block: usize,
     /// Anonymous memory for pixels and window, bytes.
     pub fixed_bytes: u64,
-    /// What is left for glare events and runs, bytes.
+    /// What is left for glare events that are alive and for the runs of two slices, bytes.
     pub events_bytes: u64,
+    /// Of what events need besides, so much is kept in memory before it is spilled, bytes.
+    pub spill_bytes: u64,
+}
+
+impl Plan {
+    /// The steps for a year of `shape`, `[timestep, row, column]`, whose slices are best read
+    /// `chunk_timesteps` at a time; `calendar` and `keep`: whether the calendar is known and the
+    /// filtered volume is wanted.
+    ///
+    /// # Errors
+    /// Settings or a shape out of range, a memory limit that is too low.
+    pub fn new(
+        shape: [usize; 3],
+        chunk_timesteps: usize,
+        calendar: bool,
+        keep: bool,
+        settings: &Settings,
+    ) -> Result<Self, Error> {
+        let shape = checked(shape)?;
+        let smoother = Smoother::new(settings)?;
+        let radius = [smoother.t.radius(), smoother.y.radius()];
+        let threads = rayon::current_num_threads();
+        Demand { shape, radius, chunk_timesteps, calendar, keep, threads }.plan(settings)
+    }
 }
 
 /// What decides how much memory is needed.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Demand {
-    pub shape: [usize; 3],
+struct Demand {
+    shape: [usize; 3],
     /// Radius of the filter along t and y.
-    pub radius: [usize; 2],
-    pub chunk_timesteps: usize,
-    pub calendar: bool,
-    pub keep: bool,
-    pub threads: usize,
+    radius: [usize; 2],
+    chunk_timesteps: usize,
+    calendar: bool,
+    keep: bool,
+    threads: usize,
 }
 
 impl Demand {
-    pub fn new(
-        shape: [usize; 3],
-        smoother: &Smoother,
-        chunk_timesteps: usize,
-        calendar: bool,
-        keep: bool,
-    ) -> Self {
-        let radius = [smoother.t.radius(), smoother.y.radius()];
-        let threads = rayon::current_num_threads();
-        Self { shape, radius, chunk_timesteps, calendar, keep, threads }
-    }
-
     /// The steps that fit into the memory limit and use it best.
-    pub fn plan(&self, settings: &Settings) -> Result<Plan, Error> {
+    fn plan(&self, settings: &Settings) -> Result<Plan, Error> {
         let slice_bytes = 4 * self.pixels();
         let small = usize::try_from(SMALL_BLOCK_BYTES / slice_bytes).unwrap_or(MAX_BLOCK);
         let block = self.chunk_timesteps.max(small).clamp(1, MAX_BLOCK);
@@ -78,7 +94,9 @@ impl Demand {
                 given_mib: limit >> 20,
             });
         }
-        Ok(Plan { batch, block, fixed_bytes, events_bytes: limit - fixed_bytes })
+        let left = limit - fixed_bytes;
+        let spill_bytes = (left / 2).min(MAX_SPILL_BYTES);
+        Ok(Plan { batch, block, fixed_bytes, events_bytes: left - spill_bytes, spill_bytes })
     }
 
     fn pixels(&self) -> u64 {

@@ -1,3 +1,5 @@
+use std::path::PathBuf;
+
 use super::error::Error;
 use super::kernel::Kernel;
 
@@ -49,6 +51,8 @@ pub struct Settings {
     pub allow_nonfinite: bool,
     /// What the analysis may keep in memory, bytes.
     pub memory_bytes: u64,
+    /// The folder for temporary files without a name, should the events not fit into memory.
+    pub spill: PathBuf,
 }
 
 impl Default for Settings {
@@ -60,6 +64,7 @@ impl Default for Settings {
             connectivity: Connectivity::Faces,
             allow_nonfinite: false,
             memory_bytes: 1 << 30,
+            spill: std::env::temp_dir(),
         }
     }
 }

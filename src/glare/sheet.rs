@@ -1,9 +1,9 @@
 use std::io::{self, Write};
 
-use super::event::Event;
+use super::events::Events;
 use crate::volume::TimeAxis;
 
-/// Writes events as CSV, one a row, in the order given. Indices count from 0, `last` is
+/// Writes events as CSV, one a row, in their order. Indices count from 0, `last` is
 /// inclusive, the peak comes from the filtered volume; rows and columns of peak and centroid are
 /// pixels. Where the time axis is known, day of year (0 is 1 January) and hour (local standard
 /// time) of the first and last timestep follow, and how long the event lasts: first to last
@@ -13,7 +13,7 @@ use crate::volume::TimeAxis;
 /// Whatever `out` says.
 pub fn write_events(
     out: &mut impl Write,
-    events: &[Event],
+    events: &Events,
     axis: Option<&TimeAxis>,
 ) -> io::Result<()> {
     write!(
@@ -24,7 +24,8 @@ pub fn write_events(
     let times =
         if axis.is_some() { ",first_day,first_hour,last_day,last_hour,duration_h" } else { "" };
     writeln!(out, "{times}")?;
-    for e in events {
+    for e in events.iter()? {
+        let e = e?;
         write!(
             out,
             "{},{},{},{},{},{},{},{},{:.3},{:.3},{}",

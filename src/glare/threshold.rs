@@ -1,6 +1,6 @@
 use pulp::NullaryFnOnce;
 
-use super::vector::above;
+use super::vector::{above, any_above};
 
 /// Neighbouring voxels of one row above the threshold.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -44,6 +44,9 @@ impl NullaryFnOnce for FindRuns<'_> {
         let mut close = |start: usize, end: usize| runs.push(run(values, row, column, start, end));
         for (number, piece) in values.chunks(64).enumerate() {
             let at = number * 64;
+            if open.is_none() && !any_above(piece, threshold) {
+                continue;
+            }
             let mut word = above(piece, threshold);
             if let Some(start) = open {
                 if word == u64::MAX {

@@ -1,7 +1,11 @@
 use super::duration::{Alive, Durations};
-use super::event::Event;
+use std::io;
+
+use super::events::Events;
 use super::label::{Change, Labelled, Labels, connect};
-use super::settings::Connectivity;
+use super::paged::Paged;
+use super::plan::Plan;
+use super::settings::{Connectivity, Settings};
 use super::slices::Calendar;
 use super::threshold::Run;
 
@@ -24,17 +28,22 @@ pub(super) struct Tracker {
     seen: Vec<u32>,
     pub durations: Durations,
     pub yearly: Option<Yearly>,
-    pub events: Vec<Event>,
+    pub events: Events,
+    paged: Paged,
+    /// Bytes that visits may take before they are paged out.
+    visit_bytes: u64,
     /// Aliases that are tolerated before they are cleared away.
     max_aliases: usize,
 }
 
 impl Tracker {
-    pub fn new(rows: usize, columns: usize, connectivity: Connectivity) -> Self {
+    pub fn new(rows: usize, columns: usize, settings: &Settings, plan: &Plan) -> Self {
+        // One half for visits, a quarter each for the list of events and what is paged out.
+        let quarter = plan.spill_bytes / 4;
         Self {
             rows,
             columns,
-            connectivity,
+            connectivity: settings.connectivity,
             // Later than 1: pixels that were never above the threshold have 0 as their last time.
             clock: 1,
             before: Labelled::default(),
@@ -45,20 +54,29 @@ impl Tracker {
             seen: Vec::new(),
             durations: Durations::new(rows * columns),
             yearly: None,
-            events: Vec::new(),
+            events: Events::new(quarter, settings.spill.clone()),
+            paged: Paged::new(quarter, settings.spill.clone()),
+            visit_bytes: 2 * quarter,
             max_aliases: (rows * columns / 8).max(1 << 12),
         }
     }
 
     /// The next slice: all its runs above the threshold, strip by strip.
-    pub fn slice<'a>(&mut self, timestep: usize, strips: impl Iterator<Item = &'a Vec<Run>>) {
+    ///
+    /// # Errors
+    /// A disk to which nothing can be spilled.
+    pub fn slice<'a>(
+        &mut self,
+        timestep: usize,
+        strips: impl Iterator<Item = &'a Vec<Run>>,
+    ) -> io::Result<()> {
         self.clock += 1;
         let clock = self.clock;
         // Bounded by MAX_TIMESTEPS.
         let timestep_u32 = timestep as u32;
         std::mem::swap(&mut self.before, &mut self.newest);
         self.newest.set(self.rows, strips);
-        let Self { labels, alive, seen, durations, before, newest, .. } = self;
+        let Self { labels, alive, seen, durations, before, newest, paged, .. } = self;
         connect(before, newest, self.connectivity, labels, clock, |change| match change {
             Change::Created(label) => {
                 let fresh = Alive::new(timestep_u32);
@@ -67,7 +85,9 @@ impl Tracker {
                     None => alive.push(fresh),
                 }
             }
-            Change::Joined { kept, given_up } => durations.join(alive, kept, given_up),
+            Change::Joined { kept, given_up } => {
+                durations.join(alive, kept, given_up, paged);
+            }
         });
         seen.resize(labels.len(), 0);
         let columns = self.columns as u64;
@@ -85,37 +105,55 @@ impl Tracker {
                 yearly.touch(timestep, row + run.start as usize..row + run.end as usize);
             }
         }
-        self.end_events_not_in_newest();
+        self.end_events_not_in_newest()?;
+        if self.durations.visit_bytes() as u64 > self.visit_bytes {
+            self.durations.page_out(&mut self.labels, &mut self.alive, &mut self.paged)?;
+        }
         if self.labels.aliases() > self.max_aliases {
             self.clear_aliases();
         }
+        Ok(())
     }
 
     /// Nothing crosses the border of a segment.
-    pub fn end_segment(&mut self) {
+    ///
+    /// # Errors
+    /// A disk to which nothing can be spilled.
+    pub fn end_segment(&mut self) -> io::Result<()> {
         self.clock += 1;
         std::mem::swap(&mut self.before, &mut self.newest);
         self.newest.clear();
-        self.end_events_not_in_newest();
+        self.end_events_not_in_newest()?;
+        for event in self.paged.settle(&mut self.durations)? {
+            self.events.push(event.finished(self.rows as u64, self.columns as u64))?;
+        }
+        Ok(())
     }
 
     /// Ends the events that the slice before had and the newest doesn't: whatever joins an event
     /// later would have to do so through the newest slice.
-    fn end_events_not_in_newest(&mut self) {
+    fn end_events_not_in_newest(&mut self) -> io::Result<()> {
         for &label in &self.before.labels {
             let root = self.labels.find(label);
             if self.seen[root as usize] == self.clock {
                 continue;
             }
-            self.durations.settle(root, &mut self.labels, &mut self.alive);
-            let growing = &self.alive[root as usize].growing;
-            self.events.push(growing.finished(self.rows as u64, self.columns as u64));
+            let Self { labels, alive, paged, .. } = self;
+            self.durations.settle(root, labels, alive, paged)?;
+            let Alive { growing, serial, .. } = &alive[root as usize];
+            match serial {
+                Some(serial) => paged.end(*serial, *growing),
+                None => {
+                    self.events.push(growing.finished(self.rows as u64, self.columns as u64))?
+                }
+            }
             self.seen[root as usize] = self.clock;
             self.over.push(root);
         }
         for root in self.over.drain(..) {
             self.labels.release(root);
         }
+        Ok(())
     }
 
     fn clear_aliases(&mut self) {
@@ -126,7 +164,7 @@ impl Tracker {
         self.labels.compact();
     }
 
-    /// Bytes in memory beyond those of the pixels.
+    /// Bytes in memory beyond those of the pixels and of what can be spilled.
     pub fn bytes(&self) -> usize {
         let run = size_of::<Run>() + size_of::<u32>();
         self.durations.bytes()
@@ -134,7 +172,7 @@ impl Tracker {
             + (self.before.runs.capacity() + self.newest.runs.capacity()) * run
             + self.alive.capacity() * size_of::<Alive>()
             + self.seen.capacity() * size_of::<u32>()
-            + self.events.capacity() * size_of::<Event>()
+            + self.paged.bytes()
     }
 }
 

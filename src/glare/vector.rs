@@ -51,47 +51,88 @@ impl Rounded for f64 {
     }
 }
 
-/// A symmetric filter over lines that lie side by side in one buffer. Several results from the
-/// same lines are computed together, block by block, so that the lines come from the first cache.
-pub(super) struct Stencil<'a, T> {
-    /// The buffer that holds all lines.
-    pub lines: &'a [f64],
-    /// For each result where its lines begin: the centre's, then for each distance the one before
-    /// and the one after.
-    pub offsets: &'a [usize],
+/// The radius that has loops of its own, in which all lines stay in registers: that of sigma 1.
+const FIXED_RADIUS: usize = 4;
+/// Columns that such a loop takes at a time: one vector of the widest instructions.
+const FIXED_LANES: usize = 8;
+
+/// A symmetric filter across lines: result `r` has line `r + radius` as its centre.
+pub(super) struct Across<'a, T> {
+    /// As many lines as there are results, and the radius more on either side.
+    pub lines: &'a [&'a [f32]],
     /// Weight of the centre, then of each distance.
     pub weights: &'a [f64],
-    /// How many values each result has; a multiple of [`LANES`].
+    /// How many values each result has, at most as many as each line.
     pub width: usize,
     /// The results.
     pub out: &'a mut [T],
     /// From the beginning of one result to that of the next.
     pub stride: usize,
+    /// Room for `lines.len() *` [`LANES`] numbers.
+    pub room: &'a mut Vec<[f64; LANES]>,
 }
 
-impl<T: Rounded> NullaryFnOnce for Stencil<'_, T> {
+impl<T: Rounded> NullaryFnOnce for Across<'_, T> {
     type Output = ();
 
-    /// `acc = x[0] w[0]`, then from the farthest to the nearest `acc += (x[-j] + x[j]) w[j]`: the
-    /// order of SciPy's `NI_Correlate1D` for symmetric filters.
     #[inline(always)]
-    fn call(self) {
-        let Self { lines, offsets, weights, width, out, stride } = self;
+    fn call(mut self) {
+        let radius = self.weights.len() - 1;
+        match (radius, self.lines.len()) {
+            (FIXED_RADIUS, 16) => self.fixed::<16>(),
+            (FIXED_RADIUS, 12) => self.fixed::<12>(),
+            _ => self.any(0),
+        }
+    }
+}
+
+impl<T: Rounded> Across<'_, T> {
+    #[inline(always)]
+    fn fixed<const LINES: usize>(mut self) {
+        let mut weights = [0.0; FIXED_RADIUS + 1];
+        weights.copy_from_slice(self.weights);
+        let whole = self.width / FIXED_LANES * FIXED_LANES;
+        let mut lines = [&[][..]; LINES];
+        for (line, from) in lines.iter_mut().zip(self.lines) {
+            *line = &from[..whole];
+        }
+        let results = LINES - 2 * FIXED_RADIUS;
+        for at in (0..whole).step_by(FIXED_LANES) {
+            let mut wide = [[0.0; FIXED_LANES]; LINES];
+            for (wide, line) in wide.iter_mut().zip(lines) {
+                for (wide, value) in wide.iter_mut().zip(&line[at..][..FIXED_LANES]) {
+                    *wide = f64::from(*value);
+                }
+            }
+            for result in 0..results {
+                let sums = weighted(&wide[result..][..2 * FIXED_RADIUS + 1], &weights);
+                let out = &mut self.out[result * self.stride + at..][..FIXED_LANES];
+                for (to, sum) in out.iter_mut().zip(sums) {
+                    *to = T::rounded(sum);
+                }
+            }
+        }
+        if whole < self.width {
+            self.any(whole);
+        }
+    }
+
+    /// From column `start` on, whatever the radius and the number of lines.
+    #[inline(always)]
+    fn any(&mut self, start: usize) {
+        let Self { lines, weights, width, out, stride, room } = self;
         let taps = 2 * weights.len() - 1;
-        for at in (0..width).step_by(LANES) {
-            for (result, offsets) in offsets.chunks_exact(taps).enumerate() {
-                let mut sums = [0.0; LANES];
-                let centre = lane(lines, offsets[0] + at);
-                for (sum, c) in sums.iter_mut().zip(centre) {
-                    *sum = c * weights[0];
+        room.resize(lines.len(), [0.0; LANES]);
+        for at in (start..*width).step_by(LANES) {
+            let lanes = LANES.min(*width - at);
+            for (wide, line) in room.iter_mut().zip(*lines) {
+                for (wide, value) in wide.iter_mut().zip(&line[at..at + lanes]) {
+                    *wide = f64::from(*value);
                 }
-                for (weight, pair) in weights[1..].iter().zip(offsets[1..].chunks_exact(2)).rev() {
-                    let (before, after) = (lane(lines, pair[0] + at), lane(lines, pair[1] + at));
-                    for ((sum, b), a) in sums.iter_mut().zip(before).zip(after) {
-                        *sum += (b + a) * weight;
-                    }
-                }
-                let out = &mut out[result * stride + at..][..LANES];
+            }
+            for (result, lines) in room.windows(taps).enumerate() {
+                let sums = weighted(lines, weights);
+                let out = &mut out[result * *stride + at..][..lanes];
                 for (to, sum) in out.iter_mut().zip(sums) {
                     *to = T::rounded(sum);
                 }
@@ -100,29 +141,75 @@ impl<T: Rounded> NullaryFnOnce for Stencil<'_, T> {
     }
 }
 
+/// `acc = x[0] w[0]`, then from the farthest to the nearest `acc += (x[-j] + x[j]) w[j]`: the order
+/// of SciPy's `NI_Correlate1D` for symmetric filters.
 #[inline(always)]
-fn lane(lines: &[f64], at: usize) -> &[f64; LANES] {
-    let Some(found) = lines[at..].first_chunk() else {
-        unreachable!("a line ends before its block does");
-    };
-    found
+fn weighted<const L: usize>(lines: &[[f64; L]], weights: &[f64]) -> [f64; L] {
+    let radius = weights.len() - 1;
+    let mut sums = lines[radius];
+    for sum in &mut sums {
+        *sum *= weights[0];
+    }
+    for j in (1..=radius).rev() {
+        let (before, after) = (&lines[radius - j], &lines[radius + j]);
+        for ((sum, b), a) in sums.iter_mut().zip(before).zip(after) {
+            *sum += (b + a) * weights[j];
+        }
+    }
+    sums
 }
 
-/// Widens float32 to f64.
-pub(super) struct Widen<'a> {
-    pub from: &'a [f32],
-    pub to: &'a mut [f64],
+/// The same filter along a line.
+pub(super) struct Along<'a> {
+    /// The line with the radius more on either side, and room for the last vector to read.
+    pub line: &'a [f64],
+    /// Weight of the centre, then of each distance.
+    pub weights: &'a [f64],
+    /// The result; its length is a multiple of [`LANES`].
+    pub out: &'a mut [f32],
 }
 
-impl NullaryFnOnce for Widen<'_> {
+impl NullaryFnOnce for Along<'_> {
     type Output = ();
 
     #[inline(always)]
     fn call(self) {
-        for (to, from) in self.to.iter_mut().zip(self.from) {
-            *to = f64::from(*from);
+        match self.weights.first_chunk::<{ FIXED_RADIUS + 1 }>() {
+            Some(weights) if self.weights.len() == FIXED_RADIUS + 1 => {
+                along(self.line, weights, self.out);
+            }
+            _ => along(self.line, self.weights, self.out),
         }
     }
+}
+
+#[inline(always)]
+fn along(line: &[f64], weights: &[f64], out: &mut [f32]) {
+    let radius = weights.len() - 1;
+    for (block, out) in out.chunks_exact_mut(LANES).enumerate() {
+        let at = block * LANES + radius;
+        let mut sums = *lane(line, at);
+        for sum in &mut sums {
+            *sum *= weights[0];
+        }
+        for j in (1..=radius).rev() {
+            let (before, after) = (lane(line, at - j), lane(line, at + j));
+            for ((sum, b), a) in sums.iter_mut().zip(before).zip(after) {
+                *sum += (b + a) * weights[j];
+            }
+        }
+        for (to, sum) in out.iter_mut().zip(sums) {
+            *to = sum as f32;
+        }
+    }
+}
+
+#[inline(always)]
+fn lane(line: &[f64], at: usize) -> &[f64; LANES] {
+    let Some(found) = line[at..].first_chunk() else {
+        unreachable!("a line ends before its block does");
+    };
+    found
 }
 
 /// Looks at what a row of input holds.
@@ -151,6 +238,12 @@ impl NullaryFnOnce for Look<'_> {
         }
         largest >= 0x7f80_0000
     }
+}
+
+/// Whether any value lies strictly above a threshold.
+#[inline(always)]
+pub(super) fn any_above(values: &[f32], threshold: f32) -> bool {
+    values.iter().fold(false, |any, value| any | (*value > threshold))
 }
 
 /// Which of at most 64 values lie strictly above a threshold: bit i for value i.

@@ -164,7 +164,7 @@ impl<'a> Clock<'a> {
 }
 
 /// The month, 0 to 11, of a day of the year, 0 is 1 January.
-fn month(year: i32, day: u32) -> u8 {
+pub(super) fn month(year: i32, day: u32) -> u8 {
     let leap = u32::from(year % 4 == 0 && (year % 100 != 0 || year % 400 == 0));
     let lengths = [31, 28 + leap, 31, 30, 31, 30, 31, 31, 30, 31, 30, 31];
     let mut left = day;

@@ -11,17 +11,23 @@ use glintmap_formats::{gmp, header, seal};
 use rayon::prelude::*;
 
 use super::Error;
+use super::bucket::Bucket;
 use super::facts::{About, Facts, Layout, Sums};
 use super::morton::{Cube, LEVELS};
 use super::page;
+use super::parting::{Parting, SPLIT_LEVELS, SPLIT_PREFIX};
 use super::sort::{Merged, Sorted};
-use super::spill::{Bucket, Parting, SPLIT_LEVELS, SPLIT_PREFIX, SpillSummary, discard};
+use super::spill::{SpillSummary, discard};
 use super::tree::{Leaf, cut, nodes};
 use crate::base::{Photon, Progress};
 
 /// Memory that a photon takes while it is sorted, cut and compressed: 48 itself, 16 its key, the
 /// rest for its page in columns and in bytes.
 const BYTES_PER_PHOTON: u64 = 96;
+/// Memory that doesn't depend on the batch: buffers of files, tables of buckets.
+const FIXED_BYTES: u64 = 6 << 20;
+/// Memory that each thread takes for the page at work: photons, columns, zstd.
+const THREAD_BYTES: u64 = 3 << 20;
 /// Bytes by which the header may grow when the counts are known.
 const HEADER_SLACK: usize = 1024;
 
@@ -52,9 +58,10 @@ pub fn build(
     memory_bytes: u64,
     progress: &dyn Progress,
 ) -> Result<StoreSummary, Error> {
+    let fixed_bytes = FIXED_BYTES + THREAD_BYTES * rayon::current_num_threads() as u64;
     let size = Size {
         page_photons: gmp::PAGE_PHOTONS_MAX,
-        batch_photons: (memory_bytes / 2 / BYTES_PER_PHOTON)
+        batch_photons: (memory_bytes.saturating_sub(fixed_bytes) / 2 / BYTES_PER_PHOTON)
             .clamp(4 * gmp::PAGE_PHOTONS_MAX as u64, 1 << 31),
         buffer_bytes: (memory_bytes / 16).clamp(1 << 16, 128 << 20) as usize,
     };

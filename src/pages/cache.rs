@@ -11,7 +11,7 @@ const SHARDS_MAX: u64 = 16;
 const NONE: u32 = u32::MAX;
 
 /// What the cache did since the store was opened.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 pub struct CacheStats {
     /// Pages that were there.
     pub hits: u64,
@@ -21,6 +21,16 @@ pub struct CacheStats {
     pub evictions: u64,
     /// Bytes of pages that were read, decompressed.
     pub decompressed_bytes: u64,
+}
+
+impl CacheStats {
+    /// Adds what another cache did.
+    pub fn add(&mut self, other: &Self) {
+        self.hits += other.hits;
+        self.misses += other.misses;
+        self.evictions += other.evictions;
+        self.decompressed_bytes += other.decompressed_bytes;
+    }
 }
 
 /// Least recently used pages make room. Shards, each with a lock of its own, so that readers
@@ -185,5 +195,45 @@ impl Shard {
             _ => self.entries[older as usize].newer = at,
         }
         self.newest = at;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn page() -> Result<Page, ()> {
+        Ok(Page::new(&glintmap_formats::gmp::Columns {
+            origin: [0.0; 3],
+            step: 1.0,
+            position: vec![1, 2, 3],
+            normal_table: vec![[0, 0]],
+            normal: vec![0; 3],
+            direction: vec![[0, 0]; 3],
+            flux: glintmap_formats::gmp::Flux::Equal(0),
+            timestep: vec![4; 3],
+            surface: vec![0; 3],
+        }))
+    }
+
+    #[test]
+    fn readers_wait_for_none_who_reads_another_page() {
+        let cache = Cache::new(64 << 20, 100);
+        // Somebody is in one shard: the other fifteen answer.
+        let held = cache.lock(0);
+        for number in 1..16 {
+            cache.get(number, page).expect("reads");
+        }
+        drop(held);
+        // While a page is read from disk, which takes long, even its own shard answers.
+        let outer = cache.get(0, || {
+            cache.get(16, page)?;
+            cache.get(32, page)?;
+            page()
+        });
+        outer.expect("reads");
+        cache.get(16, || Err(())).expect("is there");
+        let stats = cache.stats();
+        assert_eq!((stats.hits, stats.misses, stats.evictions), (1, 18, 0));
     }
 }

@@ -84,6 +84,12 @@ pub enum Error {
     /// Encoding failed; never by the content of photons.
     #[error("page: {0}")]
     Encode(#[from] gmp::Error),
+    /// A page was asked for that isn't there.
+    #[error("no such page: the store has {pages}, the first is 0")]
+    NoPage {
+        /// Number of pages.
+        pages: u64,
+    },
     /// `verify` found something.
     #[error("{path}: {count} findings: the file is damaged; make it again (`run --force pages`) or restore it from a copy", path = .path.display())]
     Findings {
@@ -106,7 +112,7 @@ impl Error {
                 _ => FaultKind::Failed,
             },
             Self::Interrupted(_) => FaultKind::Interrupted,
-            Self::Bounds { .. } | Self::Unfinished { .. } => FaultKind::Input,
+            Self::Bounds { .. } | Self::Unfinished { .. } | Self::NoPage { .. } => FaultKind::Input,
             Self::Photon { .. } | Self::Busy { .. } | Self::Encode(_) => FaultKind::Failed,
             Self::Header { source, .. } => match source {
                 header::Error::NotOurs { .. } | header::Error::Version { .. } => FaultKind::Input,

@@ -6,16 +6,20 @@
 //! nearest photons of a spot, those in a box, or all. What they mean is for others to say. The
 //! file is described in [`glintmap_formats::gmp`].
 
+mod bucket;
 mod build;
 mod cache;
+mod candidates;
 mod error;
 mod facts;
 mod inspect;
 mod mapped;
 mod morton;
 mod page;
+mod parting;
 mod quantise;
 mod query;
+mod shared;
 mod sort;
 mod spill;
 mod store;
@@ -29,7 +33,7 @@ pub use build::{StoreSummary, build, spill_dir};
 pub use cache::CacheStats;
 pub use error::Error;
 pub use facts::{About, RADIUS_RULE, StoreInfo};
-pub use inspect::{LevelStats, PerTimestep};
+pub use inspect::{LevelStats, Share};
 pub use mapped::Access;
 pub use query::{Neighbour, Neighbours, Query};
 pub use spill::{Spill, SpillSummary, discard, join};

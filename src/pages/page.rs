@@ -1,6 +1,7 @@
 //! A page: photons to columns of integers when it is written, and back, ready for searching.
 
 use std::collections::HashMap;
+use std::ops::Range;
 
 use glam::Vec3;
 use glintmap_formats::gmp::{Columns, Flux};
@@ -149,6 +150,8 @@ pub(super) struct Page {
     direction: Vec<[i16; 2]>,
     /// Boxes around each [`BLOCK`] photons.
     pub blocks: Vec<Aabb>,
+    /// First and last timestep of each [`BLOCK`] photons.
+    pub steps: Vec<(u32, u32)>,
 }
 
 impl Page {
@@ -169,6 +172,7 @@ impl Page {
                 Aabb::around(block.map(|i| Vec3::new(x[i], y[i], z[i])))
             })
             .collect();
+        let steps = columns.timestep.chunks(BLOCK).map(first_and_last).collect();
         for axis in [&mut x, &mut y, &mut z] {
             axis.resize(filled, f32::NAN);
         }
@@ -194,7 +198,13 @@ impl Page {
             light,
             direction: columns.direction.clone(),
             blocks,
+            steps,
         }
+    }
+
+    /// First and last timestep of its photons.
+    pub fn timesteps(&self) -> (u32, u32) {
+        self.steps.iter().fold((u32::MAX, 0), |all, step| (all.0.min(step.0), all.1.max(step.1)))
     }
 
     /// Tight box around its photons.
@@ -222,5 +232,15 @@ impl Page {
             + 6 * self.normal.capacity()
             + size_of::<Light>() * self.light.capacity()
             + size_of::<Aabb>() * self.blocks.capacity()
+            + size_of::<(u32, u32)>() * self.steps.capacity()
     }
+}
+
+fn first_and_last(timesteps: &[u32]) -> (u32, u32) {
+    timesteps.iter().fold((u32::MAX, 0), |all, &step| (all.0.min(step), all.1.max(step)))
+}
+
+/// Whether a range of timesteps from `first` to `last`, both included, meets another.
+pub(super) fn meets((first, last): (u32, u32), during: &Range<u32>) -> bool {
+    first < during.end && last >= during.start
 }

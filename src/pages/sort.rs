@@ -1,7 +1,8 @@
 //! Photons in their order: by Morton code, then by everything that tells them apart. So the order
 //! in which they came, and the parting of the work, leave no trace in the store.
 
-use std::cmp::Ordering;
+use std::cmp::{Ordering, Reverse};
+use std::collections::BinaryHeap;
 use std::fs::{self, File};
 use std::io::{BufReader, BufWriter, Read, Write};
 use std::path::{Path, PathBuf};
@@ -9,8 +10,8 @@ use std::path::{Path, PathBuf};
 use rayon::prelude::*;
 
 use super::Error;
+use super::bucket::{Bucket, RECORD_BYTES, photon, record};
 use super::morton::Cube;
-use super::spill::{Bucket, RECORD_BYTES, photon, record};
 use crate::base::Photon;
 
 /// Photons of some neighbouring buckets, sorted.
@@ -79,13 +80,39 @@ pub(super) fn content(a: &Photon, b: &Photon) -> Ordering {
 /// sorted in runs on disk, which are merged as they are read.
 pub(super) struct Merged {
     runs: Vec<Run>,
+    /// The next photon of each run, the first in order on top.
+    heads: BinaryHeap<Reverse<Head>>,
     left: u64,
 }
+
+struct Head {
+    photon: Photon,
+    run: usize,
+}
+
+impl Ord for Head {
+    fn cmp(&self, other: &Self) -> Ordering {
+        content(&self.photon, &other.photon).then(self.run.cmp(&other.run))
+    }
+}
+
+impl PartialOrd for Head {
+    fn partial_cmp(&self, other: &Self) -> Option<Ordering> {
+        Some(self.cmp(other))
+    }
+}
+
+impl PartialEq for Head {
+    fn eq(&self, other: &Self) -> bool {
+        self.cmp(other).is_eq()
+    }
+}
+
+impl Eq for Head {}
 
 struct Run {
     path: PathBuf,
     file: BufReader<File>,
-    next: Option<Photon>,
     left: u64,
 }
 
@@ -118,9 +145,7 @@ impl Merged {
                 File::open(&path)
             };
             let file = BufReader::new(write().map_err(Error::io(&path, doing))?);
-            let mut new = Run { path, file, next: None, left: run.len() as u64 };
-            new.advance()?;
-            runs.push(new);
+            runs.push(Run { path, file, left: run.len() as u64 });
             run.clear();
             Ok(())
         };
@@ -132,40 +157,41 @@ impl Merged {
         if !run.is_empty() {
             spill(&mut run)?;
         }
-        Ok(Self { runs, left: bucket.photons })
+        let mut merged = Self { runs, heads: BinaryHeap::new(), left: bucket.photons };
+        for run in 0..merged.runs.len() {
+            merged.advance(run)?;
+        }
+        Ok(merged)
     }
 
     /// The next photons in order, at most `count`; none at the end.
     pub fn take(&mut self, count: usize) -> Result<Vec<Photon>, Error> {
         let mut out = Vec::with_capacity(self.left.min(count as u64) as usize);
         while out.len() < count {
-            let least =
-                self.runs.iter_mut().filter(|run| run.next.is_some()).min_by(|a, b| {
-                    match (&a.next, &b.next) {
-                        (Some(a), Some(b)) => content(a, b),
-                        _ => Ordering::Equal,
-                    }
-                });
-            let Some(run) = least else { break };
-            out.extend(run.next);
-            run.advance()?;
+            let Some(Reverse(head)) = self.heads.pop() else { break };
+            out.push(head.photon);
+            self.advance(head.run)?;
         }
         self.left -= out.len() as u64;
         Ok(out)
     }
+
+    fn advance(&mut self, run: usize) -> Result<(), Error> {
+        if let Some(photon) = self.runs[run].next()? {
+            self.heads.push(Reverse(Head { photon, run }));
+        }
+        Ok(())
+    }
 }
 
 impl Run {
-    fn advance(&mut self) -> Result<(), Error> {
-        self.next = None;
-        if self.left > 0 {
-            let mut bytes = [0; RECORD_BYTES];
-            self.file
-                .read_exact(&mut bytes)
-                .map_err(Error::io(&self.path, "reading photons back"))?;
-            self.next = Some(photon(&bytes));
-            self.left -= 1;
+    fn next(&mut self) -> Result<Option<Photon>, Error> {
+        if self.left == 0 {
+            return Ok(None);
         }
-        Ok(())
+        let mut bytes = [0; RECORD_BYTES];
+        self.file.read_exact(&mut bytes).map_err(Error::io(&self.path, "reading photons back"))?;
+        self.left -= 1;
+        Ok(Some(photon(&bytes)))
     }
 }

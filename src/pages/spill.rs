@@ -1,29 +1,22 @@
-//! Photons on their way to the store: appended to one file per octree cell, as they come.
+//! Photons on their way to the store: parted on disk as they come, with checkpoints to go on from.
 
 use std::fs::{self, File, OpenOptions};
-use std::io::{self, Read, Write};
+use std::io::{self, Read};
 use std::path::{Path, PathBuf};
 
-use glam::Vec3;
-use glintmap_formats::checksum::crc32c_append;
 use glintmap_formats::seal;
 
 use super::Error;
-use super::morton::{Cube, LEVELS};
+use super::bucket::{Bucket, RECORD_BYTES};
+use super::morton::Cube;
+use super::parting::{Parting, SPLIT_LEVELS, remove_files};
 use crate::base::{Aabb, Photon, PhotonSink, Progress, SinkError};
 
 /// The file that says that a spill is complete.
 pub(super) const SUMMARY: &str = "spill.json";
 /// The file that says how far a spill that isn't complete can be trusted.
-const CHECKPOINT: &str = "checkpoint.json";
-/// Bytes of a photon in a bucket: all its fields, little endian.
-pub(super) const RECORD_BYTES: usize = 46;
-/// Levels of the octree by which photons are parted at once: 4,096 buckets.
-pub(super) const SPLIT_LEVELS: u32 = 4;
-/// How folders are called in which a bucket is parted once more.
-pub(super) const SPLIT_PREFIX: &str = "split-";
+pub(super) const CHECKPOINT: &str = "checkpoint.json";
 const VERSION: u32 = 1;
-const SUFFIX: &str = "photons";
 const SUMMARY_BYTES_MAX: u64 = 64 << 20;
 
 /// What a completed spill holds.
@@ -46,229 +39,11 @@ struct Checkpoint {
     spill: SpillSummary,
 }
 
-/// One file of photons: those of one octree cell, in the order in which they came.
-#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
-#[serde(deny_unknown_fields)]
-pub(super) struct Bucket {
-    /// Depth of the cell in the octree.
-    pub level: u32,
-    /// The cell: a Morton code of `3 * level` bits.
-    pub cell: u64,
-    /// Number of photons.
-    pub photons: u64,
-    /// Checksum of the file.
-    pub crc32c: u32,
-}
-
-impl Bucket {
-    pub fn path(&self, dir: &Path) -> PathBuf {
-        dir.join(format!("{:02}-{:x}.{SUFFIX}", self.level, self.cell))
-    }
-
-    /// First and last Morton code of its cell.
-    pub fn codes(&self) -> (u64, u64) {
-        let shift = 3 * (LEVELS - self.level);
-        (self.cell << shift, ((self.cell + 1) << shift) - 1)
-    }
-
-    fn damaged(&self, dir: &Path, what: String) -> Error {
-        Error::Damaged {
-            path: self.path(dir),
-            byte: 0,
-            part: "photons before they are sorted".to_owned(),
-            what,
-            stage: "trace",
-        }
-    }
-
-    /// Opens the file, if it is as long as its photons are many: from then on their number may
-    /// size an allocation.
-    pub fn open(&self, dir: &Path) -> Result<File, Error> {
-        let path = self.path(dir);
-        let file = match File::open(&path) {
-            Ok(file) => file,
-            Err(e) if e.kind() == io::ErrorKind::NotFound => {
-                let what = format!("the file is missing; {} photons expected", self.photons);
-                return Err(self.damaged(dir, what));
-            }
-            Err(e) => return Err(Error::io(&path, "opening")(e)),
-        };
-        let length = file.metadata().map_err(Error::io(&path, "asking its length"))?.len();
-        if self.photons.checked_mul(RECORD_BYTES as u64) != Some(length) {
-            let what = format!("{} photons expected, {length} bytes found", self.photons);
-            return Err(self.damaged(dir, what));
-        }
-        Ok(file)
-    }
-
-    /// Reads the photons in pieces and checks length and checksum.
-    pub fn read(
-        &self,
-        dir: &Path,
-        mut each: impl FnMut(&Photon) -> Result<(), Error>,
-    ) -> Result<(), Error> {
-        let path = self.path(dir);
-        let mut file = self.open(dir)?;
-        let mut piece = vec![0; RECORD_BYTES * (self.photons.min(1 << 13) as usize)];
-        let mut left = self.photons * RECORD_BYTES as u64;
-        let mut sum = 0;
-        while left > 0 {
-            let n = left.min(piece.len() as u64) as usize;
-            file.read_exact(&mut piece[..n]).map_err(Error::io(&path, "reading photons"))?;
-            left -= n as u64;
-            sum = crc32c_append(sum, &piece[..n]);
-            for record in piece[..n].chunks_exact(RECORD_BYTES) {
-                each(&photon(record))?;
-            }
-        }
-        if sum != self.crc32c {
-            let what = format!("checksum {:08x} expected, {sum:08x} found", self.crc32c);
-            return Err(self.damaged(dir, what));
-        }
-        Ok(())
-    }
-}
-
-pub(super) fn record(photon: &Photon, out: &mut Vec<u8>) {
-    for v in [photon.position, photon.normal, photon.direction] {
-        for component in v.to_array() {
-            out.extend_from_slice(&component.to_le_bytes());
-        }
-    }
-    out.extend_from_slice(&photon.flux_w.to_le_bytes());
-    out.extend_from_slice(&photon.timestep.to_le_bytes());
-    out.extend_from_slice(&photon.surface.to_le_bytes());
-}
-
-pub(super) fn photon(record: &[u8]) -> Photon {
-    let word = |at: usize| [record[at], record[at + 1], record[at + 2], record[at + 3]];
-    let float = |at| f32::from_le_bytes(word(at));
-    let vector = |at| Vec3::new(float(at), float(at + 4), float(at + 8));
-    Photon {
-        position: vector(0),
-        normal: vector(12),
-        direction: vector(24),
-        flux_w: float(36),
-        timestep: u32::from_le_bytes(word(40)),
-        surface: u16::from_le_bytes([record[44], record[45]]),
-    }
-}
-
-/// Parts photons by the cells of some levels of the octree below one cell.
-pub(super) struct Parting {
-    dir: PathBuf,
-    cube: Cube,
-    level: u32,
-    buckets: Vec<(Vec<u8>, Bucket)>,
-    buffered: usize,
-    buffer_bytes: usize,
-    photons: u64,
-    expected: u64,
-}
-
-impl Parting {
-    /// Parts the photons of one cell into the cells `SPLIT_LEVELS` further down, as files in
-    /// `dir`, which is emptied of older ones.
-    pub fn create(
-        dir: &Path,
-        cube: Cube,
-        (level, cell): (u32, u64),
-        expected: u64,
-        buffer_bytes: usize,
-    ) -> Result<Self, Error> {
-        fs::create_dir_all(dir).map_err(Error::io(dir, "making the folder"))?;
-        remove_files(dir)?;
-        Ok(Self::new(dir, cube, (level, cell), expected, buffer_bytes))
-    }
-
-    fn new(
-        dir: &Path,
-        cube: Cube,
-        (level, cell): (u32, u64),
-        expected: u64,
-        buffer_bytes: usize,
-    ) -> Self {
-        let down = SPLIT_LEVELS.min(LEVELS - level);
-        let level = level + down;
-        let first = cell << (3 * down);
-        let bucket = |i| Bucket { level, cell: first + i, photons: 0, crc32c: 0 };
-        let buckets = (0..1 << (3 * down)).map(|i| (Vec::new(), bucket(i))).collect();
-        let dir = dir.to_owned();
-        Self { dir, cube, level, buckets, buffered: 0, buffer_bytes, photons: 0, expected }
-    }
-
-    pub fn push(&mut self, photon: &Photon) -> Result<(), Error> {
-        let cell = self.cube.code(photon.position) >> (3 * (LEVELS - self.level));
-        // Photons of other cells aren't given; the mask keeps the index in range all the same.
-        let last = self.buckets.len() - 1;
-        let (buffer, bucket) = &mut self.buckets[cell as usize & last];
-        record(photon, buffer);
-        bucket.photons += 1;
-        self.photons += 1;
-        self.buffered += RECORD_BYTES;
-        if self.buffered >= self.buffer_bytes { self.flush() } else { Ok(()) }
-    }
-
-    fn flush(&mut self) -> Result<(), Error> {
-        for (buffer, bucket) in &mut self.buckets {
-            if buffer.is_empty() {
-                continue;
-            }
-            let path = bucket.path(&self.dir);
-            OpenOptions::new()
-                .create(true)
-                .append(true)
-                .open(&path)
-                .and_then(|mut file| file.write_all(buffer))
-                .map_err(Error::io(
-                    &path,
-                    format!(
-                        "appending {} bytes; {} of {} photons so far, {} bytes needed in all",
-                        buffer.len(),
-                        self.photons,
-                        self.expected,
-                        self.expected.max(self.photons).saturating_mul(RECORD_BYTES as u64)
-                    ),
-                ))?;
-            bucket.crc32c = crc32c_append(bucket.crc32c, buffer);
-            // Freed, not cleared: buckets that stay quiet must not keep what they once needed.
-            *buffer = Vec::new();
-        }
-        self.buffered = 0;
-        Ok(())
-    }
-
-    /// Writes what is left; the buckets that hold any photons, in Morton order.
-    pub fn finish(mut self) -> Result<Vec<Bucket>, Error> {
-        self.flush()?;
-        Ok(self.buckets.into_iter().map(|(_, b)| b).filter(|b| b.photons > 0).collect())
-    }
-}
-
-/// Removes the files of a spill, and nothing else.
-fn remove_files(dir: &Path) -> Result<(), Error> {
-    let doing = "removing an older spill";
-    for entry in fs::read_dir(dir).map_err(Error::io(dir, doing))? {
-        let path = entry.map_err(Error::io(dir, doing))?.path();
-        let name = path.file_name().and_then(|n| n.to_str()).unwrap_or("");
-        if name.starts_with(SPLIT_PREFIX) && path.is_dir() {
-            fs::remove_dir_all(&path).map_err(Error::io(&path, doing))?;
-            continue;
-        }
-        let ours =
-            path.extension().is_some_and(|e| e == SUFFIX) || name == SUMMARY || name == CHECKPOINT;
-        if ours {
-            fs::remove_file(&path).map_err(Error::io(&path, doing))?;
-        }
-    }
-    Ok(())
-}
-
 /// Collects photons on disk until [`build`](super::build) sorts them. Memory stays within the
 /// budget however many come; records are exact.
 ///
-/// The files are scratch: they aren't flushed one by one. The summary, written last, marks the
-/// spill as complete and holds their checksums, so that what a power failure takes is noticed.
+/// What a checkpoint or the summary vouches for is on the disk before either is written, so that a
+/// power failure takes no more than a killed process loses. Checksums notice it where a disk lied.
 pub struct Spill {
     parting: Parting,
 }
@@ -297,12 +72,13 @@ impl Spill {
     }
 
     /// Writes what came so far to the files, and seals how long they are together with `note`, the
-    /// caller's own account of what came: [`Self::resume`] goes back to here. Costs some 0.1 s.
+    /// caller's own account of what came: [`Self::resume`] goes back to here. Waits for the disk.
     ///
     /// # Errors
     /// What the file system says.
     pub fn checkpoint(&mut self, note: &str) -> Result<(), Error> {
         self.parting.flush()?;
+        make_durable(&self.parting.dir)?;
         let some = self.parting.buckets.iter().map(|(_, b)| *b).filter(|b| b.photons > 0);
         let checkpoint = Checkpoint {
             note: note.to_owned(),
@@ -378,6 +154,7 @@ impl Spill {
         let (dir, cube, photons) =
             (self.parting.dir.clone(), self.parting.cube, self.parting.photons);
         let buckets = self.parting.finish()?;
+        make_durable(&dir)?;
         let summary = SpillSummary { version: VERSION, photons, cube, buckets };
         write_json(&dir.join(SUMMARY), &summary)?;
         Ok(summary)
@@ -490,6 +267,24 @@ pub fn join(
     progress.finish();
     copied?;
     Spill { parting }.finish()
+}
+
+/// Waits until all files in `dir` are on the disk. One call for the file system: thousands of
+/// files, most of them written long ago, would each cost a turn of the disk.
+fn make_durable(dir: &Path) -> Result<(), Error> {
+    let doing = "waiting until the photons are on the disk";
+    let folder = File::open(dir).map_err(Error::io(dir, doing))?;
+    #[cfg(target_os = "linux")]
+    return rustix::fs::syncfs(&folder).map_err(|e| Error::io(dir, doing)(e.into()));
+    #[cfg(not(target_os = "linux"))]
+    {
+        for entry in fs::read_dir(dir).map_err(Error::io(dir, doing))? {
+            let path = entry.map_err(Error::io(dir, doing))?.path();
+            let sync = || File::open(&path)?.sync_all();
+            sync().map_err(Error::io(&path, doing))?;
+        }
+        folder.sync_all().map_err(Error::io(dir, doing))
+    }
 }
 
 fn write_json(path: &Path, value: &impl serde::Serialize) -> Result<(), Error> {

@@ -3,8 +3,10 @@
 use std::cell::RefCell;
 use std::fs::File;
 use std::io::{self, BufReader};
+use std::ops::Range;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering};
 
 use glam::Vec3;
 use glintmap_formats::checksum::crc32c;
@@ -16,9 +18,13 @@ use super::Error;
 use super::cache::{Cache, CacheStats};
 use super::facts::{Facts, StoreInfo, max_radius_m};
 use super::mapped::{Access, Bytes};
-use super::page::Page;
+use super::page::{BLOCK, Page, meets};
+use super::query::ALWAYS;
 use super::tree::{node_box, page_box};
 use crate::base::{Aabb, Photon, limits};
+
+/// The timesteps of a page that wasn't read yet.
+const ANY_STEP: u64 = u32::MAX as u64;
 
 /// How to open a store.
 #[derive(Clone, Copy, Debug)]
@@ -39,6 +45,8 @@ pub struct Store {
     pub(super) nodes: Vec<Node>,
     pub(super) pages: Vec<PageEntry>,
     cache: Cache,
+    /// First and last timestep of each page that was read so far, in two halves; of others any.
+    steps: Vec<AtomicU64>,
 }
 
 impl Store {
@@ -103,6 +111,7 @@ impl Store {
             facts,
             bytes,
             head,
+            steps: pages.iter().map(|_| AtomicU64::new(ANY_STEP)).collect(),
             nodes,
             pages,
             cache,
@@ -130,7 +139,21 @@ impl Store {
     ///
     /// # Errors
     /// [`Error::Damaged`] where a page doesn't hold what it promises.
-    pub fn in_box(&self, region: Aabb, mut each: impl FnMut(u64, &Photon)) -> Result<(), Error> {
+    pub fn in_box(&self, region: Aabb, each: impl FnMut(u64, &Photon)) -> Result<(), Error> {
+        self.in_box_during(region, ALWAYS, each)
+    }
+
+    /// The same for photons whose timestep is in `timesteps`. Pages without any such photon are
+    /// passed over once they are known, without being decoded again.
+    ///
+    /// # Errors
+    /// [`Error::Damaged`] where a page doesn't hold what it promises.
+    pub fn in_box_during(
+        &self,
+        region: Aabb,
+        timesteps: Range<u32>,
+        mut each: impl FnMut(u64, &Photon),
+    ) -> Result<(), Error> {
         let apart = |b: Aabb| b.min.cmpgt(region.max).any() || b.max.cmplt(region.min).any();
         let mut stack = if self.nodes.is_empty() { vec![] } else { vec![0] };
         while let Some(number) = stack.pop() {
@@ -145,13 +168,21 @@ impl Store {
             }
             let first = node.first_page as usize;
             for number in first..first + node.pages as usize {
-                if apart(page_box(&self.pages[number])) {
+                let out = apart(page_box(&self.pages[number]));
+                if out || !self.may_hold(number, &timesteps) {
                     continue;
                 }
                 let page = self.page(number)?;
-                for i in 0..page.photons {
-                    if region.contains(Vec3::new(page.x[i], page.y[i], page.z[i])) {
-                        each(self.pages[number].first_photon + i as u64, &page.photon(i));
+                let first = self.pages[number].first_photon;
+                for (block, (&bounds, &steps)) in page.blocks.iter().zip(&page.steps).enumerate() {
+                    if apart(bounds) || !meets(steps, &timesteps) {
+                        continue;
+                    }
+                    for i in block * BLOCK..page.photons.min((block + 1) * BLOCK) {
+                        let here = region.contains(Vec3::new(page.x[i], page.y[i], page.z[i]));
+                        if here && timesteps.contains(&page.light[i].timestep) {
+                            each(first + i as u64, &page.photon(i));
+                        }
                     }
                 }
             }
@@ -176,6 +207,12 @@ impl Store {
             }
         }
         Ok(())
+    }
+
+    /// Whether a page may hold photons of some timesteps: true until it was read once.
+    pub(super) fn may_hold(&self, number: usize, timesteps: &Range<u32>) -> bool {
+        let steps = self.steps[number].load(Ordering::Relaxed);
+        meets(((steps >> 32) as u32, steps as u32), timesteps)
     }
 
     /// A page, from the cache or the file.
@@ -239,6 +276,8 @@ impl Store {
                 return Err(self.damaged(number, what));
             }
         }
+        let (first, last) = page.timesteps();
+        self.steps[number].store(u64::from(first) << 32 | u64::from(last), Ordering::Relaxed);
         Ok(page)
     }
 

@@ -1,5 +1,9 @@
 //! Spill, build, search: each held against a slow twin that knows no pages.
 
+mod caustics;
+mod shared;
+mod timesteps;
+
 use std::path::{Path, PathBuf};
 
 use glam::Vec3;
@@ -146,6 +150,31 @@ fn every_photon_comes_back_within_the_stated_error() {
             assert!(steps.iter().all(|s| s.photons == 1));
         }
     }
+}
+
+#[test]
+fn a_page_of_normal_size_moves_photons_by_less_than_a_tenth_of_a_millimetre() {
+    // 60 photons on a square metre, as a draft of the case study has them.
+    let mut photons = photons(Shape::Cloud, 100_000);
+    for p in &mut photons {
+        p.position = ((p.position - BOUNDS.min) * 0.4 + 100.0).with_z(7.0);
+    }
+    let built = Built::new(&photons, PLAIN);
+    let store = built.open(1 << 20, Access::Mapped);
+    let (mut place, mut direction, mut flux) = (0.0f64, 0.0f64, 0.0f64);
+    store
+        .scan(|_, back| {
+            let p = &photons[back.timestep as usize];
+            place = place.max((p.position.as_dvec3() - back.position.as_dvec3()).length());
+            let angle = (p.direction.as_dvec3() - back.direction.as_dvec3()).length();
+            direction = direction.max(angle);
+            flux = flux.max((f64::from(back.flux_w) / f64::from(p.flux_w) - 1.0).abs());
+        })
+        .expect("scans");
+    println!("{place} m, {direction} radians, {flux} of the flux at most");
+    assert!(place < 1e-4 && place > 1e-6, "{place} m");
+    assert!(direction < 7e-5 && direction > 1e-6, "{direction} radians");
+    assert!(flux <= 1.0 / 4096.0 && flux > 1e-5, "{flux} of the flux");
 }
 
 #[test]
@@ -381,6 +410,11 @@ fn a_spill_goes_on_from_its_checkpoint() {
     assert_eq!(note, "nine");
     spill.accept(&all[9000..]).expect("takes");
     assert_eq!(spill.finish().expect("completes"), expected);
+    // Killed inside of the next checkpoint: its beginning lies beside the one that holds.
+    std::fs::write(cut.join("checkpoint.json.tmp"), b"{\"note\": \"te").expect("writes");
+    let (mut spill, _) = resume(BOUNDS, "nine").expect("goes on");
+    spill.accept(&all[9000..12_000]).expect("takes");
+    drop(spill);
     // Once more from there, although it was completed; then with a file cut short.
     let (mut spill, _) = resume(BOUNDS, "nine").expect("goes on");
     assert!(matches!(SpillSummary::read(&cut), Err(Error::Unfinished { .. })));

@@ -4,6 +4,7 @@
 //! * [`exr`], [`hdr`], [`png`], [`tif`], [`files`]: rasters in files, named channels of `f32`.
 //! * [`palette`], [`scale`]: from a value to a colour, and the ticks of the legend.
 //! * [`compose`], [`tonemap`]: from rasters to colours per pixel.
+//! * [`occurrence`]: days against hours, coloured by source.
 //! * [`figure`]: the finished picture: title, legend, scale bar, north arrow, markers, notes.
 
 mod canvas;
@@ -17,6 +18,7 @@ pub mod hdr;
 mod layout;
 mod legend;
 mod marks;
+pub mod occurrence;
 pub mod palette;
 pub mod png;
 pub mod polar;

@@ -26,6 +26,12 @@ pub enum Error {
         /// What was expected, what was found.
         what: String,
     },
+    /// Sensors can't be understood.
+    #[error("{what}")]
+    Sensors {
+        /// Which lines, what was expected, what was found.
+        what: String,
+    },
     /// The photon store could not be read.
     #[error("the photon store can't be read")]
     Pages(#[from] pages::Error),
@@ -44,7 +50,8 @@ impl Error {
     /// What kind of failure it is.
     pub fn kind(&self) -> FaultKind {
         match self {
-            Self::ViewWord { .. } | Self::View { .. } | Self::Settings { .. } => FaultKind::Input,
+            Self::ViewWord { .. } | Self::View { .. } => FaultKind::Input,
+            Self::Settings { .. } | Self::Sensors { .. } => FaultKind::Input,
             Self::Pages(e) => e.kind(),
             Self::Hits(e) if e.is_damage() => FaultKind::Damaged,
             Self::Hits(_) | Self::Sink(_) => FaultKind::Failed,

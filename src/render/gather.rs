@@ -2,10 +2,14 @@ use std::sync::Mutex;
 
 use rayon::prelude::*;
 
+use super::estimate::{Kernel, MIN_COS};
+use super::fixed::{MOST_PHOTONS, Scale, square};
 use super::order::Order;
-use super::{Error, Estimator, HitMap, estimate};
-use crate::base::{Grid, Progress};
-use crate::pages::{Neighbours, Query, Store};
+use super::share::{Scratch, Shared};
+use super::surfaces::{Surfaces, Tolerance};
+use super::{Error, Estimator, HitMap, Quantity};
+use crate::base::{Grid, Photon, Progress};
+use crate::pages::Store;
 
 /// How photons are gathered.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -16,13 +20,51 @@ pub struct Gather {
     pub max_radius_m: Option<f32>,
     /// How they become irradiance.
     pub estimator: Estimator,
+    /// How they are weighed.
+    pub kernel: Kernel,
+    /// Largest angle between the normals of pixel and photon, degrees.
+    pub normal_tolerance_deg: f32,
+    /// How far a photon may lie off the pixel's tangent plane, m; any distance where it is left
+    /// out.
+    pub plane_tolerance_m: Option<f32>,
+    /// Whether a disc ends where its surface ends and at walls that stand on it.
+    pub edges: bool,
+}
+
+impl Default for Gather {
+    fn default() -> Self {
+        Self {
+            bandwidth: 400,
+            max_radius_m: None,
+            estimator: Estimator::Photons,
+            kernel: Kernel::Flat,
+            normal_tolerance_deg: 60.0,
+            plane_tolerance_m: Some(0.25),
+            edges: true,
+        }
+    }
 }
 
 impl Gather {
     /// The bound on the search that holds for a store, m, after the settings were checked.
     pub(super) fn radius_m(&self, store: &Store) -> Result<f32, Error> {
-        if self.bandwidth < 2 {
-            let what = format!("bandwidth is {}, expected at least 2 photons", self.bandwidth);
+        if !(2..=MOST_PHOTONS).contains(&self.bandwidth) {
+            let what =
+                format!("bandwidth is {}, expected 2 to {MOST_PHOTONS} photons", self.bandwidth);
+            return Err(Error::Settings { what });
+        }
+        if !(self.normal_tolerance_deg > 0.0 && self.normal_tolerance_deg <= 90.0) {
+            let what = format!(
+                "normal_tolerance_deg is {}, expected an angle above 0 and at most 90",
+                self.normal_tolerance_deg
+            );
+            return Err(Error::Settings { what });
+        }
+        if self.plane_tolerance_m.is_some_and(|t| !(t >= 0.01 && t.is_finite())) {
+            let what = format!(
+                "plane_tolerance_m is {}, expected 0.01 m or more",
+                self.plane_tolerance_m.unwrap_or_default()
+            );
             return Err(Error::Settings { what });
         }
         let radius = self.max_radius_m.unwrap_or_else(|| store.max_radius_m(self.bandwidth));
@@ -36,6 +78,27 @@ impl Gather {
         let what = format!("max_radius_m is {radius}, expected a length above 0");
         Err(Error::Settings { what })
     }
+
+    /// What is done: the paper's estimator knows neither kernels nor tolerances nor edges.
+    pub(super) fn as_used(self) -> Self {
+        match self.estimator {
+            Estimator::Photons => self,
+            Estimator::Radiance => Self {
+                kernel: Kernel::Flat,
+                normal_tolerance_deg: 60.0,
+                plane_tolerance_m: None,
+                edges: false,
+                ..self
+            },
+        }
+    }
+
+    pub(super) fn tolerance(&self) -> Tolerance {
+        Tolerance {
+            normal_cos: libm::cosf(self.normal_tolerance_deg.to_radians()),
+            plane_m: self.plane_tolerance_m.unwrap_or(f32::INFINITY),
+        }
+    }
 }
 
 /// The year's maps of a view; exactly 0 where nothing is hit or nothing arrives.
@@ -45,18 +108,63 @@ pub struct Annual {
     pub surface: Grid<f32>,
     /// Radiant exposure on planes that face the beams (E_n), Wh/m2.
     pub normal: Grid<f32>,
+    /// Standard error of `surface`, Wh/m2: what photons landing at random make of it.
+    pub error: Grid<f32>,
     /// Radius of the disc behind each value, m.
     pub radius_m: Grid<f32>,
     /// Pixels whose photons all lie within a millimetre, so that the disc was held at that.
     pub floored: u64,
 }
 
-/// The annual map: every photon counts with the hours of its timestep, `weights_h`.
+struct Value {
+    index: usize,
+    surface: f32,
+    normal: f32,
+    error: f32,
+    radius_m: f32,
+    floored: bool,
+}
+
+/// What photons add to E and E_n, as integers: flux in W times the weight of their timestep.
+pub(super) struct Fluxes {
+    surface: Scale,
+    normal: Scale,
+}
+
+impl Fluxes {
+    pub fn of(store: &Store, largest_weight: f64) -> Self {
+        let largest = f64::from(store.info().flux_max_w) * largest_weight;
+        Self { surface: Scale::up_to(largest), normal: Scale::up_to(largest / f64::from(MIN_COS)) }
+    }
+
+    pub fn integers(&self, photon: &Photon, weight: f64) -> [i64; 2] {
+        let flux = f64::from(photon.flux_w) * weight;
+        let cos = photon.normal.dot(photon.direction);
+        [self.surface.integer(flux), self.normal.integer(flux / f64::from(cos.max(MIN_COS)))]
+    }
+
+    /// How integers of a quantity become W again.
+    pub fn scale(&self, quantity: Quantity) -> Scale {
+        match quantity {
+            Quantity::Surface => self.surface,
+            Quantity::Normal => self.normal,
+        }
+    }
+}
+
+/// An integer under a kernel's weight.
+pub(super) fn weighed(integer: i64, kernel: f64) -> i64 {
+    if kernel == 1.0 { integer } else { (integer as f64 * kernel).round_ties_even() as i64 }
+}
+
+/// The annual map: every photon counts with the hours of its timestep, `weights_h`. Without
+/// `surfaces` a disc is a disc wherever it lies.
 ///
 /// # Errors
 /// [`Error::Settings`], [`Error::Pages`], [`Error::Interrupted`].
 pub fn annual(
     store: &Store,
+    surfaces: Option<&Surfaces<'_>>,
     hits: &HitMap,
     weights_h: &[f64],
     settings: &Gather,
@@ -71,45 +179,51 @@ pub fn annual(
             ),
         });
     }
-    let max_radius_m = settings.radius_m(store)?;
+    let shared = Shared::new(store, surfaces, settings)?;
+    let fluxes = Fluxes::of(store, weights_h.iter().copied().fold(0.0, f64::max));
     let order = Order::of(hits);
     let empty = || Grid::filled(hits.columns, hits.rows, 0.0f32);
-    let result =
-        Mutex::new(Annual { surface: empty(), normal: empty(), radius_m: empty(), floored: 0 });
+    let result = Mutex::new(Annual {
+        surface: empty(),
+        normal: empty(),
+        error: empty(),
+        radius_m: empty(),
+        floored: 0,
+    });
     progress.begin("annual map", (hits.columns * hits.rows) as u64, "pixels");
+    // A timestep out of range is damage that verify finds; it must not panic here.
+    let weight = |t: u32| weights_h.get(t as usize).copied().unwrap_or(0.0);
+    let integers = |photon: &Photon| Some(fluxes.integers(photon, weight(photon.timestep)));
     order.tiles().par_iter().try_for_each_init(
-        || (Neighbours::default(), Vec::new()),
-        |(found, values), &tile| {
+        || (Scratch::default(), Vec::new()),
+        |(scratch, values), &tile| {
             progress.check()?;
             values.clear();
-            for pixel in order.pixels(tile) {
-                let index = order.index(tile, pixel);
-                let hit = &hits.hits[index];
-                let query = Query {
-                    point: hit.position,
-                    normal: hit.normal,
-                    count: settings.bandwidth,
-                    max_radius_m,
-                };
-                store.nearest(&query, found)?;
-                let e = estimate(
-                    found.items(),
-                    found.farthest(),
-                    found.full(),
-                    max_radius_m,
-                    settings.estimator,
-                    // A timestep out of range is damage that verify finds; it must not panic here.
-                    |t| weights_h.get(t as usize).copied().unwrap_or(0.0),
-                );
-                values.push((index, e));
-            }
+            shared.tile(&order.spots(tile), scratch, &integers, None, |spot, disc, near| {
+                let (mut surface, mut normal, mut squares) = (0i64, 0i64, 0i64);
+                disc.each(near, |light, kernel| {
+                    let own = weighed(light.surface, kernel);
+                    surface = surface.wrapping_add(own);
+                    normal = normal.wrapping_add(weighed(light.normal, kernel));
+                    squares = squares.wrapping_add(square(own));
+                });
+                values.push(Value {
+                    index: order.index(tile, spot.pixel),
+                    surface: (fluxes.surface.value(surface) / disc.area_m2) as f32,
+                    normal: (fluxes.normal.value(normal) / disc.area_m2) as f32,
+                    error: (fluxes.surface.square_value(squares).sqrt() / disc.area_m2) as f32,
+                    radius_m: disc.radius_m as f32,
+                    floored: disc.floored,
+                });
+            })?;
             // Tiles don't overlap: the lock decides who writes first, not what is written.
             let mut all = result.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
-            for &(index, e) in values.iter() {
-                all.surface.data_mut()[index] = e.surface as f32;
-                all.normal.data_mut()[index] = e.normal as f32;
-                all.radius_m.data_mut()[index] = e.radius_m as f32;
-                all.floored += u64::from(e.floored);
+            for v in values.iter() {
+                all.surface.data_mut()[v.index] = v.surface;
+                all.normal.data_mut()[v.index] = v.normal;
+                all.error.data_mut()[v.index] = v.error;
+                all.radius_m.data_mut()[v.index] = v.radius_m;
+                all.floored += u64::from(v.floored);
             }
             drop(all);
             progress.advance(tile.pixels() as u64);

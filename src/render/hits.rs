@@ -98,20 +98,21 @@ impl HitMap {
         &self.hits[row * self.columns + column]
     }
 
-    /// Writes and seals `hits.gmh`.
+    /// Writes and seals `hits.gmh`. `view` says in its header where the hits come from: the view's
+    /// options, or `sensors`.
     ///
     /// # Errors
     /// [`Error::Hits`] with what the file system says.
     pub fn write(
         &self,
         path: &Path,
-        view: &View,
+        view: &str,
         max_path_m: f64,
         provenance: &Provenance,
     ) -> Result<(), Error> {
         let json = serde_json::to_value(provenance)
             .map_err(|e| glintmap_formats::hits::Error::Io(std::io::Error::other(e)))?;
-        let facts = Facts::new(self.columns, self.rows, max_path_m, view.to_options(), json);
+        let facts = Facts::new(self.columns, self.rows, max_path_m, view.to_owned(), json);
         glintmap_formats::hits::write(path, &facts, |i| {
             let h = &self.hits[i];
             Record {

@@ -3,24 +3,45 @@
 //! A [`View`] turns pixels into rays exactly as Radiance's `vwrays` does. [`hits`] writes down what
 //! each pixel sees, once per view, for everyone else. [`annual`] and [`series`] ask the photon
 //! store for the photons around each hit and turn them into irradiance; [`background`] paints the
-//! scene by daylight, so that a planner recognises the house.
+//! scene by daylight, so that a planner recognises the house. [`sensors`] are points with normals
+//! instead of pixels.
 
 mod background;
+mod candidates;
+mod confidence;
+mod direct;
 mod error;
 mod estimate;
+mod facet;
+mod fixed;
+mod fused;
 mod gather;
 mod hits;
+mod mirror;
 mod order;
 mod palette;
 mod seen;
+pub mod sensors;
 mod series;
+mod share;
+mod surfaces;
 mod view;
 mod view_options;
 
 pub use background::{background, representative_suns};
+pub use confidence::{DECIDED, undecided};
+pub use direct::{
+    Direct, DirectScene, DirectScratch, DirectSummary, DirectYear, TileYear, direct_series,
+};
 pub use error::Error;
-pub use estimate::{Estimate, Estimator, MIN_COS, MIN_RADIUS_M, estimate};
+pub use estimate::{Estimate, Estimator, Kernel, MIN_COS, MIN_RADIUS_M, estimate};
+pub use fused::Fused;
 pub use gather::{Annual, Gather, annual};
 pub use hits::{Hit, HitKind, HitMap, hits};
-pub use series::{Quantity, SeriesSummary, series};
+pub use mirror::{
+    Lit, MirrorDay, MirrorReceiver, MirrorRule, MirrorRun, MirrorSummary, MirrorTimes, MirrorYear,
+    SEPARATION_DEG, points_on,
+};
+pub use series::{Quantity, Series, SeriesSummary, series};
+pub use surfaces::Surfaces;
 pub use view::{Projection, View, ViewRay};

@@ -1,6 +1,7 @@
 use glam::Vec3;
 
 use super::HitMap;
+use super::share::Spot;
 use crate::base::{Aabb, TileRect, limits, tiles};
 
 /// The tiles of a view and the order in which they are rendered: by the Morton codes of what they
@@ -46,6 +47,15 @@ impl<'a> Order<'a> {
         keyed.into_iter().map(|(_, pixel)| pixel).collect()
     }
 
+    /// The same with what they show.
+    pub(super) fn spots(&self, tile: TileRect) -> Vec<Spot> {
+        let spot = |pixel| {
+            let hit = &self.hits.hits[self.index(tile, pixel)];
+            Spot { pixel, position: hit.position, normal: hit.normal }
+        };
+        self.pixels(tile).into_iter().map(spot).collect()
+    }
+
     /// Index of a tile's pixel in the view.
     pub(super) fn index(&self, tile: TileRect, pixel: u16) -> usize {
         let (row, column) = (usize::from(pixel) / tile.columns, usize::from(pixel) % tile.columns);
@@ -62,16 +72,20 @@ impl<'a> Order<'a> {
         self.hits.hits[self.index(tile, pixel)].position
     }
 
-    /// Morton code of a place, 21 bits an axis. One scale for all axes, so that flat scenes don't
-    /// spend bits on their height.
     fn code(&self, place: Vec3) -> u64 {
-        let size = self.bounds.size().max_element();
-        if !size.is_finite() || size <= 0.0 {
-            return 0;
-        }
-        let cell = (place - self.bounds.min) * (((1u32 << 21) - 1) as f32 / size);
-        spread(cell.x as u64) | spread(cell.y as u64) << 1 | spread(cell.z as u64) << 2
+        code(&self.bounds, place)
     }
+}
+
+/// Morton code of a place in a box, 21 bits an axis. One scale for all axes, so that flat scenes
+/// don't spend bits on their height.
+pub(super) fn code(bounds: &Aabb, place: Vec3) -> u64 {
+    let size = bounds.size().max_element();
+    if !size.is_finite() || size <= 0.0 {
+        return 0;
+    }
+    let cell = (place - bounds.min) * (((1u32 << 21) - 1) as f32 / size);
+    spread(cell.x as u64) | spread(cell.y as u64) << 1 | spread(cell.z as u64) << 2
 }
 
 /// Puts two zeros behind each of the lower 21 bits.

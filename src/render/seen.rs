@@ -1,5 +1,6 @@
-use glam::Vec3;
+use glam::{DVec3, Vec3};
 
+use super::sensors::PvInView;
 use crate::base::{Purpose, Stream};
 use crate::site::Site;
 
@@ -13,6 +14,8 @@ pub(super) const LIFT_M: f32 = 2e-3;
 /// Points spread over the PV by area; what of the PV a place sees is judged by them.
 pub(super) struct SeenPv {
     points: Vec<PvPoint>,
+    /// Of all PV, m2.
+    area_m2: f64,
 }
 
 struct PvPoint {
@@ -35,7 +38,7 @@ impl SeenPv {
         let total: f64 = parts.iter().map(|&(_, t)| area(t)).sum();
         let mut points = Vec::new();
         if total <= 0.0 {
-            return Self { points };
+            return Self { points, area_m2: 0.0 };
         }
         let mut random = Stream::new(seed, Purpose::Picture, 0);
         let start = [random.uniform(), random.uniform()];
@@ -61,7 +64,7 @@ impl SeenPv {
                 two_sided: pv.two_sided,
             });
         }
-        Self { points }
+        Self { points, area_m2: total }
     }
 
     /// Distance from a place on a surface (its normal turned to the side that is looked at) to the
@@ -82,6 +85,36 @@ impl SeenPv {
         order.sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
         let from = place + normal * LIFT_M;
         order.iter().find(|(_, i)| self.visible(site, from, usize::from(*i))).map(|&(d, _)| d)
+    }
+
+    /// What a place sees of the PV on the side of `normal`: distance, angle, solid angle. `None`
+    /// where none of the points is visible.
+    pub(super) fn in_view(&self, site: &Site, place: Vec3, normal: Vec3) -> Option<PvInView> {
+        let from = place + normal * LIFT_M;
+        let mut ways: Vec<DVec3> = Vec::new();
+        let mut seen = PvInView { nearest_m: f64::INFINITY, ..PvInView::default() };
+        for (i, p) in self.points.iter().enumerate() {
+            let way = p.position - place;
+            let front = -way.dot(p.normal);
+            let shines = if p.two_sided { front != 0.0 } else { front > 0.0 };
+            if !shines || way.dot(normal) <= 0.0 || !self.visible(site, from, i) {
+                continue;
+            }
+            let way = way.as_dvec3();
+            let distance_m = way.length();
+            let cos = f64::from(front.abs()) / distance_m;
+            seen.nearest_m = seen.nearest_m.min(distance_m);
+            seen.solid_angle_sr += self.area_m2 / POINTS as f64 * cos / (distance_m * distance_m);
+            ways.push(way / distance_m);
+        }
+        let mut smallest_cos = 1.0f64;
+        for (i, a) in ways.iter().enumerate() {
+            for b in &ways[i + 1..] {
+                smallest_cos = smallest_cos.min(a.dot(*b));
+            }
+        }
+        seen.widest_deg = libm::acos(smallest_cos.clamp(-1.0, 1.0)).to_degrees();
+        (!ways.is_empty()).then_some(seen)
     }
 
     fn visible(&self, site: &Site, from: Vec3, point: usize) -> bool {

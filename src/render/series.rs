@@ -3,11 +3,15 @@ use std::sync::Mutex;
 
 use rayon::prelude::*;
 
-use super::estimate::{Disc, MIN_COS};
+use super::candidates::Candidates;
+use super::fixed::square;
+use super::gather::{Fluxes, weighed};
 use super::order::Order;
+use super::share::{Disc, Scratch, Shared};
+use super::surfaces::Surfaces;
 use super::{Error, Gather, HitMap};
-use crate::base::{Progress, SeriesEntry, TileRect, TileSink};
-use crate::pages::{Neighbour, Neighbours, Query, Store};
+use crate::base::{Grid, Photon, Progress, SeriesEntry, TileSink};
+use crate::pages::Store;
 
 /// Which irradiance a series holds.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
@@ -17,6 +21,19 @@ pub enum Quantity {
     Surface,
     /// E_n, on a plane that faces each photon's beam.
     Normal,
+}
+
+/// What is known of a time series beside its numbers.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Series {
+    /// What was met.
+    pub summary: SeriesSummary,
+    /// The irradiance that one photon stands for at each pixel, W/m2 (the mean over its photons,
+    /// weighted by their flux). A value E of the series has the standard error
+    /// `sqrt(E * photon_w_m2)`; see [`undecided`](super::undecided).
+    pub photon_w_m2: Grid<f32>,
+    /// Radius of the disc behind each pixel's series, m.
+    pub radius_m: Grid<f32>,
 }
 
 /// What was met while rendering a time series; only of tiles that were rendered now.
@@ -45,7 +62,7 @@ impl SeriesSummary {
         (self.lit_timesteps > 0).then(|| self.photons as f64 / self.lit_timesteps as f64)
     }
 
-    fn add(&mut self, other: &Self) {
+    pub(super) fn add(&mut self, other: &Self) {
         self.tiles_rendered += other.tiles_rendered;
         self.tiles_present += other.tiles_present;
         self.pixels += other.pixels;
@@ -56,20 +73,27 @@ impl SeriesSummary {
     }
 }
 
-/// Timesteps up to which a pixel's sums lie in a table with a place for each of them; above, the
-/// table would cost more memory than the photons.
-const TABLE_TIMESTEPS: usize = 1 << 20;
+/// What a pixel's series was made of.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct PixelSeries {
+    pub photons: u64,
+    /// Lit timesteps.
+    pub lit: usize,
+    pub photon_w_m2: f32,
+}
+
 /// Entries of a tile up to which it is put in order through a copy; above, in place.
 const COPY_ENTRIES: usize = 1 << 22;
 
 /// Sums photons per timestep, pixel by pixel, and puts a tile's entries in the order that sinks
 /// expect. Keeps its buffers from tile to tile.
 pub(super) struct TileSeries {
-    /// Sum per timestep of the pixel at work; all 0 between pixels. Empty where there are more
-    /// than [`TABLE_TIMESTEPS`].
-    table: Vec<f64>,
-    touched: Vec<u32>,
-    pairs: Vec<(u32, f64)>,
+    /// The first timestep that is kept; sums and bits count from it.
+    first: u32,
+    /// Sum per timestep of the pixel at work; all 0 between pixels.
+    sums: Vec<i64>,
+    /// One bit for each timestep: whether a photon was added; all 0 between pixels.
+    lit: Vec<u64>,
     entries: Vec<SeriesEntry>,
     pixels: Vec<(u16, Range<usize>)>,
     starts: Vec<u32>,
@@ -77,16 +101,12 @@ pub(super) struct TileSeries {
 }
 
 impl TileSeries {
-    pub(super) fn new(timesteps: usize) -> Self {
-        let table = if timesteps <= TABLE_TIMESTEPS { timesteps } else { 0 };
-        Self::with_table(table)
-    }
-
-    fn with_table(timesteps: usize) -> Self {
+    pub(super) fn new(timesteps: Range<u32>) -> Self {
+        let count = timesteps.len();
         Self {
-            table: vec![0.0; timesteps],
-            touched: Vec::new(),
-            pairs: Vec::new(),
+            first: timesteps.start,
+            sums: vec![0; count],
+            lit: vec![0; count.div_ceil(64)],
             entries: Vec::new(),
             pixels: Vec::new(),
             starts: Vec::new(),
@@ -94,73 +114,83 @@ impl TileSeries {
         }
     }
 
-    fn clear(&mut self) {
+    pub(super) fn clear(&mut self) {
         self.entries.clear();
         self.pixels.clear();
     }
 
-    /// Adds a pixel's photons: one disc for all timesteps, its photons summed per timestep in f64
-    /// in the order of `items`. Returns how many timesteps are lit.
-    pub(super) fn add(
+    /// Adds a photon of the pixel at work.
+    #[inline]
+    pub(super) fn add(&mut self, timestep: u32, integer: i64) {
+        let at = timestep.wrapping_sub(self.first) as usize;
+        // A timestep out of range is damage that verify finds; it must not panic here.
+        if let Some(sum) = self.sums.get_mut(at) {
+            *sum = sum.wrapping_add(integer);
+            self.lit[at / 64] |= 1 << (at % 64);
+        }
+    }
+
+    /// Adds the photons of a pixel's disc and ends it.
+    pub(super) fn pixel(
         &mut self,
         pixel: u16,
-        items: &[Neighbour],
-        disc: &Disc,
+        (disc, near): (&Disc, &Candidates),
+        fluxes: &Fluxes,
         quantity: Quantity,
-    ) -> usize {
-        let first = self.entries.len();
-        let area_m2 = disc.area_m2();
-        let flux = |p: &Neighbour| match quantity {
-            Quantity::Surface => f64::from(p.flux_w),
-            Quantity::Normal => f64::from(p.flux_w) / f64::from(p.cos.max(MIN_COS)),
+    ) -> PixelSeries {
+        let (mut photons, mut sum, mut squares) = (0, 0i64, 0i64);
+        let scale = fluxes.scale(quantity);
+        let mut add = |timestep: u32, integer: i64| {
+            photons += 1;
+            sum = sum.wrapping_add(integer);
+            squares = squares.wrapping_add(square(integer));
+            self.add(timestep, integer);
         };
-        let counted = items.iter().enumerate().filter(|&(i, _)| Some(i) != disc.skip);
-        let entries = &mut self.entries;
-        let mut emit = |timestep: u32, sum: f64| {
-            let irradiance_w_m2 = (sum / area_m2) as f32;
-            if irradiance_w_m2 != 0.0 {
-                entries.push(SeriesEntry { timestep, pixel, irradiance_w_m2 });
-            }
-        };
-        if self.table.is_empty() {
-            self.pairs.clear();
-            self.pairs.extend(counted.map(|(_, p)| (p.timestep, flux(p))));
-            // Stable: the photons of a timestep stay in store order.
-            self.pairs.sort_by_key(|&(timestep, _)| timestep);
-            for same in self.pairs.chunk_by(|a, b| a.0 == b.0) {
-                emit(same[0].0, same.iter().fold(0.0, |sum, &(_, flux)| sum + flux));
-            }
-        } else {
-            self.touched.clear();
-            for (_, p) in counted {
-                // A timestep out of range is damage that verify finds; it must not panic here.
-                let Some(sum) = self.table.get_mut(p.timestep as usize) else { continue };
-                if *sum == 0.0 {
-                    self.touched.push(p.timestep);
+        match quantity {
+            Quantity::Surface => disc.each(near, |light, kernel| {
+                add(light.timestep, weighed(light.surface, kernel));
+            }),
+            Quantity::Normal => disc.each(near, |light, kernel| {
+                add(light.timestep, weighed(light.normal, kernel));
+            }),
+        }
+        let lit = self.end(pixel, |sum| (scale.value(sum) / disc.area_m2) as f32);
+        let mean = scale.square_value(squares) / scale.value(sum).max(f64::MIN_POSITIVE);
+        PixelSeries { photons, lit, photon_w_m2: (mean / disc.area_m2) as f32 }
+    }
+
+    /// Ends a pixel: `value` turns sums into W/m2. Returns how many timesteps are lit.
+    pub(super) fn end(&mut self, pixel: u16, value: impl Fn(i64) -> f32) -> usize {
+        let from = self.entries.len();
+        for (word, bits) in self.lit.iter_mut().enumerate() {
+            let mut left = std::mem::take(bits);
+            while left != 0 {
+                let at = word * 64 + left.trailing_zeros() as usize;
+                left &= left - 1;
+                let irradiance_w_m2 = value(std::mem::take(&mut self.sums[at]));
+                if irradiance_w_m2 != 0.0 {
+                    let timestep = self.first + at as u32;
+                    self.entries.push(SeriesEntry { timestep, pixel, irradiance_w_m2 });
                 }
-                *sum += flux(p);
-            }
-            for &timestep in &self.touched {
-                emit(timestep, std::mem::take(&mut self.table[timestep as usize]));
             }
         }
-        let lit = self.entries.len() - first;
-        self.pixels.push((pixel, first..self.entries.len()));
-        lit
+        self.pixels.push((pixel, from..self.entries.len()));
+        self.entries.len() - from
     }
 
     /// The tile's entries by timestep, then pixel.
     pub(super) fn sorted(&mut self) -> &[SeriesEntry] {
-        if self.table.is_empty() || self.entries.len() > COPY_ENTRIES {
+        if self.entries.len() > COPY_ENTRIES {
             self.entries.sort_unstable_by_key(|e| (e.timestep, e.pixel));
             return &self.entries;
         }
         // Counting sort by timestep, the pixels in their order.
         self.pixels.sort_unstable_by_key(|&(pixel, _)| pixel);
         self.starts.clear();
-        self.starts.resize(self.table.len() + 1, 0);
+        self.starts.resize(self.sums.len() + 1, 0);
+        let first = self.first;
         for e in &self.entries {
-            self.starts[e.timestep as usize + 1] += 1;
+            self.starts[(e.timestep - first) as usize + 1] += 1;
         }
         for t in 1..self.starts.len() {
             self.starts[t] += self.starts[t - 1];
@@ -170,7 +200,7 @@ impl TileSeries {
         self.sorted.resize(self.entries.len(), nothing);
         for (_, range) in &self.pixels {
             for e in &self.entries[range.clone()] {
-                let at = &mut self.starts[e.timestep as usize];
+                let at = &mut self.starts[(e.timestep - first) as usize];
                 self.sorted[*at as usize] = *e;
                 *at += 1;
             }
@@ -180,59 +210,61 @@ impl TileSeries {
 }
 
 /// The time series: at every pixel the k nearest photons of all suns give one radius, and are
-/// summed per timestep. Goes into `sink` tile by tile; tiles that are there already are passed
-/// over, so that an interrupted run goes on where it stopped. Memory holds the tiles at work.
+/// summed per timestep. Goes into `sink` tile by tile; of tiles that are there already only the
+/// noise is computed again, so that an interrupted run goes on where it stopped. Memory holds the
+/// tiles at work. Without `surfaces` a disc is a disc wherever it lies.
 ///
 /// # Errors
 /// [`Error::Settings`], [`Error::Pages`], [`Error::Sink`], [`Error::Interrupted`].
 pub fn series(
     store: &Store,
+    surfaces: Option<&Surfaces<'_>>,
     hits: &HitMap,
     settings: &Gather,
     quantity: Quantity,
     sink: &dyn TileSink,
     progress: &dyn Progress,
-) -> Result<SeriesSummary, Error> {
-    let max_radius_m = settings.radius_m(store)?;
+) -> Result<Series, Error> {
+    let shared = Shared::new(store, surfaces, settings)?;
+    let fluxes = Fluxes::of(store, 1.0);
     let order = Order::of(hits);
-    let all = order.tiles();
-    let todo: Vec<TileRect> = all.iter().copied().filter(|&tile| !sink.has(tile)).collect();
-    let present = (all.len() - todo.len()) as u64;
-    let total = Mutex::new(SeriesSummary { tiles_present: present, ..Default::default() });
-    let pixels: u64 = todo.iter().map(|tile| tile.pixels() as u64).sum();
-    progress.begin("time series", pixels, "pixels");
-    todo.par_iter().try_for_each_init(
-        || (Neighbours::default(), TileSeries::new(store.info().timesteps as usize)),
-        |(found, tile_series), &tile| {
+    let total = Mutex::new(Series {
+        summary: SeriesSummary::default(),
+        photon_w_m2: Grid::filled(hits.columns, hits.rows, 0.0),
+        radius_m: Grid::filled(hits.columns, hits.rows, 0.0),
+    });
+    progress.begin("time series", (hits.columns * hits.rows) as u64, "pixels");
+    let integers = |photon: &Photon| Some(fluxes.integers(photon, 1.0));
+    order.tiles().par_iter().try_for_each_init(
+        || (Scratch::default(), TileSeries::new(0..store.info().timesteps), Vec::new()),
+        |(scratch, tile_series, noise), &tile| {
             progress.check()?;
-            let mut summary = SeriesSummary { tiles_rendered: 1, ..Default::default() };
+            let mut summary = SeriesSummary::default();
             tile_series.clear();
-            for pixel in order.pixels(tile) {
-                let hit = &hits.hits[order.index(tile, pixel)];
-                let query = Query {
-                    point: hit.position,
-                    normal: hit.normal,
-                    count: settings.bandwidth,
-                    max_radius_m,
-                };
-                store.nearest(&query, found)?;
-                let items = found.items();
-                let disc = Disc::of(
-                    items,
-                    found.farthest(),
-                    found.full(),
-                    max_radius_m,
-                    settings.estimator,
-                );
-                let lit = tile_series.add(pixel, items, &disc, quantity);
+            noise.clear();
+            shared.tile(&order.spots(tile), scratch, &integers, None, |spot, disc, near| {
+                let made = tile_series.pixel(spot.pixel, (disc, near), &fluxes, quantity);
+                noise.push((order.index(tile, spot.pixel), made.photon_w_m2, disc.radius_m as f32));
                 summary.pixels += 1;
-                summary.lit_pixels += u64::from(lit > 0);
-                summary.lit_timesteps += lit as u64;
-                summary.photons += (items.len() - usize::from(disc.skip.is_some())) as u64;
+                summary.lit_pixels += u64::from(made.lit > 0);
+                summary.lit_timesteps += made.lit as u64;
+                summary.photons += made.photons;
                 summary.floored += u64::from(disc.floored);
+            })?;
+            if sink.has(tile) {
+                summary = SeriesSummary { tiles_present: 1, ..Default::default() };
+            } else {
+                sink.put(tile, tile_series.sorted())?;
+                summary.tiles_rendered = 1;
             }
-            sink.put(tile, tile_series.sorted())?;
-            total.lock().unwrap_or_else(std::sync::PoisonError::into_inner).add(&summary);
+            // Tiles don't overlap: the lock decides who writes first, not what is written.
+            let mut all = total.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
+            all.summary.add(&summary);
+            for &(index, photon_w_m2, radius_m) in noise.iter() {
+                all.photon_w_m2.data_mut()[index] = photon_w_m2;
+                all.radius_m.data_mut()[index] = radius_m;
+            }
+            drop(all);
             progress.advance(tile.pixels() as u64);
             Ok::<(), Error>(())
         },
@@ -244,68 +276,44 @@ pub fn series(
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    fn photons(count: u64, timesteps: u32) -> Vec<Neighbour> {
-        (0..count)
-            .map(|i| Neighbour {
-                index: i,
-                distance2_m2: (i * 7919 % 1009) as f32 * 1e-3,
-                flux_w: 1.0 + (i * 31 % 17) as f32 * 0.1,
-                cos: (i * 13 % 101) as f32 * 0.01,
-                timestep: (i * 104_729 % u64::from(timesteps)) as u32,
-                surface: 0,
-            })
-            .collect()
-    }
+    use std::collections::BTreeMap;
 
     /// The slow twin: a map from (timestep, pixel) to a sum.
-    fn slow(pixels: &[(u16, Vec<Neighbour>)], skip: usize, area: f64) -> Vec<SeriesEntry> {
-        let mut sums = std::collections::BTreeMap::new();
-        for (pixel, items) in pixels {
-            for (i, p) in items.iter().enumerate().filter(|&(i, _)| i != skip) {
-                let _ = i;
-                *sums.entry((p.timestep, *pixel)).or_insert(0.0) +=
-                    f64::from(p.flux_w) / f64::from(p.cos.max(0.05));
+    #[test]
+    fn entries_are_those_of_a_map() {
+        let photons =
+            |count: u64| (0..count).map(|i| ((i * 104_729 % 90) as u32 + 5, (i * 31 % 17) as i64));
+        let pixels = [(900u16, 400), (3, 17), (4, 0), (1023, 1500)];
+        let mut expected = BTreeMap::new();
+        for &(pixel, count) in &pixels {
+            for (timestep, integer) in photons(count) {
+                *expected.entry((timestep, pixel)).or_insert(0) += integer;
             }
         }
-        sums.into_iter()
+        let expected: Vec<SeriesEntry> = expected
+            .into_iter()
+            .filter(|&(_, sum)| sum != 0)
             .map(|((timestep, pixel), sum)| SeriesEntry {
                 timestep,
                 pixel,
-                irradiance_w_m2: (sum / area) as f32,
+                irradiance_w_m2: sum as f32 / 8.0,
             })
-            .collect()
-    }
-
-    #[test]
-    fn table_and_pairs_give_what_a_map_gives() {
-        let pixels: Vec<(u16, Vec<Neighbour>)> = [(900u16, 400), (3, 17), (4, 0), (1023, 1500)]
-            .into_iter()
-            .map(|(pixel, count)| (pixel, photons(count, 97)))
             .collect();
-        let disc = Disc { skip: Some(5), radius_m: 0.7, floored: false };
-        let expected = slow(&pixels, 5, disc.area_m2());
-        for table in [97, 0] {
-            let mut tile = TileSeries::with_table(table);
-            for round in 0..2 {
-                tile.clear();
-                let mut lit = 0;
-                for (pixel, items) in &pixels {
-                    lit += tile.add(*pixel, items, &disc, Quantity::Normal);
+        let mut tile = TileSeries::new(5..95);
+        for round in 0..2 {
+            tile.clear();
+            let mut lit = 0;
+            for &(pixel, count) in &pixels {
+                for (timestep, integer) in photons(count) {
+                    tile.add(timestep, integer);
                 }
-                assert_eq!(tile.sorted(), expected, "table {table}, round {round}");
-                assert_eq!(lit, expected.len());
+                // Neither before nor behind what is kept.
+                tile.add(4, 1);
+                tile.add(95, 1);
+                lit += tile.end(pixel, |sum| sum as f32 / 8.0);
             }
+            assert_eq!(tile.sorted(), expected, "round {round}");
+            assert_eq!(lit, expected.len());
         }
-    }
-
-    #[test]
-    fn what_is_zero_is_left_out() {
-        let mut dark = photons(3, 3);
-        dark[0].flux_w = 0.0;
-        let disc = Disc { skip: None, radius_m: 1.0, floored: false };
-        let mut tile = TileSeries::with_table(3);
-        assert_eq!(tile.add(0, &dark, &disc, Quantity::Surface), 2);
-        assert!(tile.sorted().iter().all(|e| e.irradiance_w_m2 > 0.0));
     }
 }

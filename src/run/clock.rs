@@ -39,6 +39,27 @@ impl Clock {
         }
     }
 
+    /// `21 June`: a day of the year, 0 is 1 January.
+    pub fn date(&self, day: u32) -> String {
+        let Some(start) = self.start_of_year() else { return format!("day {day}") };
+        let date = start + SignedDuration::from_hours(24 * i64::from(day) + 12);
+        date.to_zoned(TimeZone::UTC).strftime("%-d %B").to_string()
+    }
+
+    /// `08:30`: the civil time at an hour of local standard time of a day.
+    pub fn time(&self, day: u32, hour: f64) -> String {
+        let text = self.show(day, hour);
+        text.split(' ').nth(1).unwrap_or(&text).to_owned()
+    }
+
+    /// The zone's name as people know it.
+    pub fn zone(&self) -> String {
+        match self.zone.as_ref().and_then(TimeZone::iana_name) {
+            Some(name) => name.to_owned(),
+            None => format!("UTC{:+}", self.meridian_deg / 15.0),
+        }
+    }
+
     fn start_of_year(&self) -> Option<Timestamp> {
         let date = Date::new(i16::try_from(self.year).ok()?, 1, 1).ok()?;
         Some(date.to_zoned(TimeZone::UTC).ok()?.timestamp())
@@ -58,10 +79,13 @@ mod tests {
             meridian: 15.0,
             timezone: Some("Europe/Zurich".into()),
             elevation_m: 0.0,
+            horizon: None,
         };
         let clock = Clock::new(&site, 2025);
         assert_eq!(clock.show(171, 7.5), "06-21 08:30 CEST");
         assert_eq!(clock.show(0, 12.0), "01-01 12:00 CET");
+        assert_eq!((clock.date(0).as_str(), clock.date(171).as_str()), ("1 January", "21 June"));
+        assert_eq!(clock.time(171, 7.5), "08:30");
         site.timezone = None;
         assert_eq!(Clock::new(&site, 2025).show(171, 7.5), "06-21 07:30 UTC+1");
     }

@@ -10,7 +10,8 @@ use serde::Serialize;
 
 use super::error::Error;
 use super::set;
-use crate::site::{Origin, PvSpec, SceneFile, SceneSpec, Select, Site};
+use super::site_plan::PLAN_FILE;
+use crate::site::{Loaded, PvSpec, SceneFile, SceneSpec, Select, Site};
 
 /// How carefully the case study is computed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
@@ -76,10 +77,12 @@ pub fn demo(folder: &Path, quality: Quality) -> Result<Demo, Error> {
     all.push(("project.toml", &project));
     let foreign = || Error::InTheWay { path: folder.to_owned() };
     if folder.exists() {
-        let strangers = fs::read_dir(folder)
-            .map_err(|_| foreign())?
-            .filter_map(Result::ok)
-            .any(|e| e.file_name() != "run" && !all.iter().any(|(n, _)| e.file_name() == **n));
+        let strangers =
+            fs::read_dir(folder).map_err(|_| foreign())?.filter_map(Result::ok).any(|e| {
+                e.file_name() != "run"
+                    && e.file_name() != PLAN_FILE
+                    && !all.iter().any(|(n, _)| e.file_name() == **n)
+            });
         if strangers {
             return Err(foreign());
         }
@@ -133,52 +136,51 @@ impl SiteAt {
     }
 }
 
+/// What a new project's scene is.
+#[derive(Clone, Debug)]
+pub struct NewScene {
+    /// Its files, with unit and up axis where their format doesn't say them.
+    pub files: Vec<SceneFile>,
+    /// True north, clockwise from the files' y axis, degrees, where it is stated.
+    pub north_deg: Option<f64>,
+    /// Which faces are PV.
+    pub select: Select,
+}
+
 /// Writes a project for a site of one's own, with a plan view and a panorama that fit, and
 /// returns the scene that it read for that.
 ///
 /// # Errors
 /// When the scene can't be read, the selector selects nothing, or the folder holds a project.
-pub fn create(
-    folder: &Path,
-    files: &[PathBuf],
-    at: &SiteAt,
-    select: &Select,
-) -> Result<Site, Error> {
+pub fn create(folder: &Path, new: &NewScene, at: &SiteAt) -> Result<Loaded, Error> {
     let path = folder.join("project.toml");
     if path.exists() {
         return Err(Error::InTheWay { path });
     }
     at.check(&path)?;
     let scene = SceneSpec {
-        files: files.iter().map(|f| SceneFile { path: f.clone(), unit: None, up: None }).collect(),
-        default_reflectance: 0.25,
-        lod: None,
-        crs: None,
-        north_deg: 0.0,
-        origin: Origin::Auto,
+        files: new.files.clone(),
+        north_deg: new.north_deg.unwrap_or(0.0),
+        convergence_at: new.north_deg.is_none().then_some([at.latitude, at.longitude]),
+        ..SceneSpec::of(Vec::<PathBuf>::new())
     };
-    let pv = PvSpec { name: "pv".into(), select: select.clone(), two_sided: false };
-    let site = Site::load(&scene, &[pv])?;
+    let pv = PvSpec { name: "pv".into(), select: new.select.clone(), two_sided: false };
+    let loaded = crate::site::load(&scene, &[pv])?;
     fs::create_dir_all(folder)
         .map_err(|source| Error::Write { path: folder.to_owned(), source })?;
-    let text = project_text(folder, files, at, select, &site)?;
+    let text = project_text(folder, new, at, &loaded.site)?;
     seal::write_bytes(&path, text.as_bytes()).map_err(|source| Error::Write { path, source })?;
-    Ok(site)
+    Ok(loaded)
 }
 
-fn project_text(
-    folder: &Path,
-    files: &[PathBuf],
-    at: &SiteAt,
-    select: &Select,
-    site: &Site,
-) -> Result<String, Error> {
+fn project_text(folder: &Path, new: &NewScene, at: &SiteAt, site: &Site) -> Result<String, Error> {
     let fit = Fit::around(site);
-    let list = files
-        .iter()
-        .map(|f| relative(f, folder).map(|p| format!("{:?}", p.to_string_lossy())))
-        .collect::<Result<Vec<_>, _>>()?
-        .join(", ");
+    let list =
+        new.files.iter().map(|f| entry(f, folder)).collect::<Result<Vec<_>, _>>()?.join(", ");
+    let north = match new.north_deg {
+        Some(deg) => format!("north_deg = {deg:?}   # true north, clockwise from the y axis\n"),
+        None => String::new(),
+    };
     let name =
         folder.file_name().map_or_else(|| "site".to_owned(), |n| n.to_string_lossy().into_owned());
     let c = fit.center;
@@ -199,7 +201,7 @@ meridian = {mer}    # degrees east, of the zone's standard time
 [scene]
 files = [{list}]
 default_reflectance = 0.25
-
+{north}
 [[pv]]
 name = "pv"
 select = {{ {select} }}
@@ -250,7 +252,7 @@ rules = ["paper-2018"]
         lat = at.latitude,
         lon = at.longitude,
         mer = at.meridian,
-        select = select_text(select),
+        select = select_text(&new.select),
         path = fit.max_path_m,
         x = c.x.round(),
         y = c.y.round(),
@@ -260,6 +262,17 @@ rules = ["paper-2018"]
         fore = fit.fore_m,
     );
     Ok(text)
+}
+
+/// A scene file as the project names it.
+fn entry(file: &SceneFile, folder: &Path) -> Result<String, Error> {
+    let path = format!("{:?}", relative(&file.path, folder)?.to_string_lossy());
+    if file.unit.is_none() && file.up.is_none() {
+        return Ok(path);
+    }
+    let said = [("unit", &file.unit), ("up", &file.up)].into_iter();
+    let said = said.filter_map(|(key, word)| Some(format!(", {key} = {:?}", word.as_ref()?)));
+    Ok(format!("{{ path = {path}{} }}", said.collect::<String>()))
 }
 
 fn select_text(select: &Select) -> String {

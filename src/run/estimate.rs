@@ -7,7 +7,6 @@ use serde::Serialize;
 use super::error::Error;
 use super::job::{Job, Stage};
 use super::resolve::Resolved;
-use crate::sky;
 
 /// Rates on two cores at 2.5 GHz, from which times are expected. They are rough: the share of
 /// photons that land decides most, and it is known only after a pilot.
@@ -73,7 +72,7 @@ pub struct Estimate {
 /// # Errors
 /// When the timesteps can't be computed or the disk can't be asked.
 pub fn estimate(resolved: &Resolved, memory_bytes: u64) -> Result<Estimate, Error> {
-    let timeline = sky::timeline(&resolved.place, &resolved.times)?;
+    let timeline = resolved.timeline()?;
     let steps = timeline.steps.len() as f64;
     let candidates = resolved.candidates.len() as f64;
     let stored = resolved.trace.stored as f64;

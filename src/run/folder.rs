@@ -38,6 +38,11 @@ impl Folder {
         Path::new(view).join("hits.gmh")
     }
 
+    /// Of a set of sensors: whose points they are.
+    pub fn points(&self, set: &str) -> PathBuf {
+        Path::new(set).join("points.json")
+    }
+
     /// The direct background.
     pub fn direct(&self, view: &str) -> PathBuf {
         Path::new(view).join("direct.exr")

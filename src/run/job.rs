@@ -17,8 +17,8 @@ use super::resolve::Resolved;
 use super::shard::Shard;
 use super::units::{Planned, units};
 use crate::base::{Finding, Progress, Provenance, Severity, Timeline};
+use crate::pages::CacheStats;
 use crate::site::Site;
-use crate::sky;
 
 /// The stages of a run, in their order.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
@@ -102,6 +102,8 @@ pub struct Summary {
     pub current: Vec<String>,
     /// What the user should know: warnings of the site, the noise, the draft.
     pub warnings: Vec<String>,
+    /// What the caches of photon pages did, all together.
+    pub page_cache: CacheStats,
     /// Where the results lie.
     pub folder: PathBuf,
     /// Whether verdicts and pictures are a draft.
@@ -220,7 +222,7 @@ impl Job<'_> {
         if let Some(timeline) = self.timeline.get() {
             return Ok(timeline);
         }
-        let timeline = sky::timeline(&self.resolved.place, &self.resolved.times)?;
+        let timeline = self.resolved.timeline()?;
         Ok(self.timeline.get_or_init(|| timeline))
     }
 
@@ -265,6 +267,10 @@ impl Job<'_> {
     pub fn note(&mut self, unit: &str, began: Instant, mut facts: Value) -> Result<(), Error> {
         if let Some(object) = facts.as_object_mut() {
             object.insert("took_s".into(), began.elapsed().as_secs_f64().into());
+        }
+        // Of what read photons, the log and the summary tell how the cache did.
+        if let Some(stats) = facts.get("cache").and_then(|c| CacheStats::deserialize(c).ok()) {
+            self.summary.page_cache.add(&stats);
         }
         self.log.note(unit, &facts)?;
         self.summary.made.push(unit.into());

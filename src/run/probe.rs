@@ -12,7 +12,6 @@ use super::resolve::{PlannedView, Resolved};
 use crate::base::Timeline;
 use crate::pages::{Access, Neighbours, OpenOptions, Query, Store};
 use crate::render::{Hit, HitMap};
-use crate::sky;
 use crate::volume::Volume;
 
 /// Which spot.
@@ -110,7 +109,7 @@ pub fn probe(resolved: &Resolved, view: &str, spot: Spot) -> Result<Probed, Erro
     }
     let (hits, _) = HitMap::read(&hits_path)?;
     let hit = *hits.at(column, row);
-    let timeline = sky::timeline(&resolved.place, &resolved.times)?;
+    let timeline = resolved.timeline()?;
     let mut materials = Vec::new();
     for candidate in &resolved.candidates {
         let series = folder.at(&folder.series(&candidate.name, view));

@@ -1,5 +1,6 @@
 //! The project file as it is written: every key, its default, and where a mistake is.
 
+use std::collections::BTreeMap;
 use std::fs;
 use std::io;
 use std::path::{Path, PathBuf};
@@ -8,6 +9,8 @@ use serde::{Deserialize, Serialize};
 
 use super::error::Error;
 use super::set::{Assignment, apply};
+use crate::glare::rules::Class;
+use crate::site::{PvArray, Select};
 
 /// `project.toml`, key by key. See the example projects under `fixtures/projects`.
 #[derive(Clone, Debug, Deserialize, Serialize)]
@@ -39,6 +42,9 @@ pub struct Project {
     /// People.
     #[serde(default)]
     pub observer: Vec<ObserverTable>,
+    /// Façades, roads, plots.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub region: Vec<RegionTable>,
     /// How glare is judged.
     #[serde(default)]
     pub glare: GlareTable,
@@ -61,6 +67,19 @@ pub struct SiteTable {
     /// Above the sea, m.
     #[serde(default)]
     pub elevation_m: f64,
+    /// Ridges beyond the scene: a file of azimuths and altitudes, or pairs of them, degrees.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub horizon: Option<HorizonEntry>,
+}
+
+/// Where the far horizon comes from.
+#[derive(Clone, Debug, Deserialize, Serialize)]
+#[serde(untagged)]
+pub enum HorizonEntry {
+    /// `"horizon.csv"`, beside the project file.
+    File(PathBuf),
+    /// `[[0, 2.5], [90, 4], …]`: azimuth clockwise from north and altitude, degrees.
+    Points(Vec<[f64; 2]>),
 }
 
 /// `[scene]`
@@ -76,9 +95,12 @@ pub struct SceneTable {
     pub lod: Option<String>,
     /// Of map coordinates; taken from the files where they say.
     pub crs: Option<String>,
-    /// True north, clockwise from the y axis, degrees.
-    #[serde(default)]
-    pub north_deg: f64,
+    /// True north, clockwise from the y axis, degrees. Left out, the projection of the map says it,
+    /// where the scene has one.
+    pub north_deg: Option<f64>,
+    /// Diffuse reflectance by material; city models name theirs after the surface type.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub reflectance: BTreeMap<String, f64>,
     /// `"auto"` or `[x, y, z]`.
     #[serde(default)]
     pub origin: OriginEntry,
@@ -133,30 +155,14 @@ pub struct PvTable {
     /// Its name in tables and reports.
     pub name: String,
     /// Which surfaces of the scene.
-    pub select: SelectTable,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub select: Option<Select>,
+    /// Rows of modules that no file of the scene holds.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub array: Option<PvArray>,
     /// Whether the back reflects as well.
     #[serde(default)]
     pub two_sided: bool,
-}
-
-/// The keys of `select`; all that are given must match.
-#[derive(Clone, Debug, Default, Deserialize, Serialize)]
-#[serde(deny_unknown_fields)]
-pub struct SelectTable {
-    /// A Radiance modifier.
-    pub modifier: Option<String>,
-    /// A material of the scene.
-    pub material: Option<String>,
-    /// An object's id, its parts included.
-    pub object: Option<String>,
-    /// A semantic surface type: `RoofSurface`.
-    pub surface: Option<String>,
-    /// Smallest tilt from the horizontal, degrees.
-    pub min_tilt_deg: Option<f64>,
-    /// Largest tilt from the horizontal, degrees.
-    pub max_tilt_deg: Option<f64>,
-    /// From, to; clockwise from north, degrees.
-    pub azimuth_deg: Option<[f64; 2]>,
 }
 
 /// `[[material]]`
@@ -174,8 +180,15 @@ pub struct MaterialTable {
     /// Which light of the file: `"visible"` or `"solar"`; visible if it has it.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub spectrum: Option<crate::site::bsdf::Spectrum>,
-    /// A model, where nothing was measured.
+    /// A model, where nothing was measured, or a preset: `"satinated"`, `{ preset = "tile" }`.
+    #[serde(default, deserialize_with = "model")]
     pub model: Option<crate::site::bsdf::Model>,
+}
+
+fn model<'de, D: serde::Deserializer<'de>>(
+    from: D,
+) -> Result<Option<crate::site::bsdf::Model>, D::Error> {
+    crate::site::bsdf::preset_or_model(from).map(Some)
 }
 
 /// `[[case]]`
@@ -185,7 +198,7 @@ pub struct CaseTable {
     /// Names the folder of its results.
     pub name: String,
     /// Material by `[[pv]]` name.
-    pub assign: std::collections::BTreeMap<String, String>,
+    pub assign: BTreeMap<String, String>,
 }
 
 /// `[reference]`
@@ -302,10 +315,13 @@ pub struct ViewTable {
     pub view: Option<String>,
     /// A file that holds them.
     pub view_file: Option<PathBuf>,
-    /// Points with normals instead of pixels.
+    /// Points with normals instead of pixels, as `rtrace -I` takes them.
     pub sensors: Option<PathBuf>,
-    /// `[columns, rows]`
-    pub size: [usize; 2],
+    /// `"map"` where the sensors' points are map coordinates; local if left out.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub coordinates: Option<String>,
+    /// `[columns, rows]`; sensors need none.
+    pub size: Option<[usize; 2]>,
     /// `"photons"` or `"radiance"`.
     #[serde(default = "photons")]
     pub estimator: String,
@@ -331,9 +347,59 @@ pub struct ObserverTable {
     pub point: [f64; 3],
     /// Where it looks.
     pub direction: Option<[f64; 3]>,
-    /// `dwelling`, `office`, `outdoor`, `road`, …
-    #[serde(default)]
-    pub class: String,
+    /// `"map"` where the point is in map coordinates; local if left out.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub coordinates: Option<String>,
+    /// `dwelling`, `office`, `outdoor`, `road`, …; every limit applies if left out.
+    pub class: Option<Class>,
+}
+
+/// `[[region]]`: the faces of objects, a polygon in plan, or a polygon in a picture.
+#[derive(Clone, Debug, Deserialize, Serialize)]
+#[serde(deny_unknown_fields)]
+pub struct RegionTable {
+    /// For tables and pictures.
+    pub name: String,
+    /// One object id or several.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub object: Option<Ids>,
+    /// `[x, y]` in metres; with `view`: `[column, row]` in its pixels.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub polygon: Option<Vec<[f64; 2]>>,
+    /// How high above the ground the polygon lies, m; on the ground if left out.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub height_m: Option<f64>,
+    /// The picture in which the polygon is drawn.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub view: Option<String>,
+    /// `"map"` where the polygon is in map coordinates; local if left out.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub coordinates: Option<String>,
+    /// Distance between its points, m; 1 if left out.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub spacing_m: Option<f64>,
+    /// `dwelling`, `office`, `outdoor`, `road`, …; every limit applies if left out.
+    pub class: Option<Class>,
+}
+
+/// `"ID"` or `["ID", "ID"]`
+#[derive(Clone, Debug, Deserialize, Serialize)]
+#[serde(untagged)]
+pub enum Ids {
+    /// One.
+    One(String),
+    /// Several.
+    Many(Vec<String>),
+}
+
+impl Ids {
+    /// All of them.
+    pub fn list(&self) -> &[String] {
+        match self {
+            Self::One(id) => std::slice::from_ref(id),
+            Self::Many(ids) => ids,
+        }
+    }
 }
 
 /// `[glare]`
@@ -350,7 +416,8 @@ pub struct GlareTable {
     pub truncate: f64,
     /// 6, 18 or 26.
     pub connectivity: u32,
-    /// Profiles to judge by.
+    /// Profiles to judge by: ids of those that come with the program, or files that end in `.toml`,
+    /// relative to the project's folder.
     pub rules: Vec<String>,
 }
 

@@ -1,6 +1,7 @@
 //! From the project file to what the rooms take; every mistake is named with its key. Here: the
 //! site, its times and its scene. [`settings`]: what is done with them.
 
+mod receivers;
 mod settings;
 
 use std::collections::{BTreeMap, BTreeSet};
@@ -11,10 +12,11 @@ use glam::DVec3;
 
 use super::error::Error;
 use super::manifest::hash_path;
-use super::project::{self, DayEntry, FileEntry, OriginEntry, Project};
+use super::project::{self, DayEntry, FileEntry, HorizonEntry, OriginEntry, Project};
+use super::resolve::RECEIVERS;
 use crate::base::limits;
-use crate::site::{Origin, PvSpec, SceneFile, SceneSpec, Select};
-use crate::sky::{DayRange, HourRange, Irradiance, Place, SunModel, TimeSpec, Weather};
+use crate::site::{Files, Origin, PvArray, PvSpec, SceneFile, SceneSpec};
+use crate::sky::{DayRange, FarHorizon, HourRange, Irradiance, Place, SunModel, TimeSpec, Weather};
 
 /// Reads a plan off a project file, table by table.
 pub(super) struct Reader<'a> {
@@ -30,7 +32,7 @@ impl Reader<'_> {
     /// Names become folders, so they are checked together: what differs must not collide.
     pub fn names(&self) -> Result<(), Error> {
         let p = self.project;
-        let mut folders = BTreeSet::from(["log".to_owned()]);
+        let mut folders = BTreeSet::from(["log".to_owned(), RECEIVERS.to_owned()]);
         let lists = [
             ("[[material]]", p.material.iter().map(|t| &t.name).collect::<Vec<_>>()),
             ("[[case]]", p.case.iter().map(|t| &t.name).collect()),
@@ -41,7 +43,7 @@ impl Reader<'_> {
                 self.check_name(table, name)?;
                 if !folders.insert(name.clone()) {
                     return Err(self.wrong(format!(
-                        "{table} \"{name}\": the name is taken; materials, cases and views share one folder, and `log` is ours"
+                        "{table} \"{name}\": the name is taken; materials, cases and views share one folder, and `log` and `receivers` are ours"
                     )));
                 }
             }
@@ -66,7 +68,7 @@ impl Reader<'_> {
     /// TOML knows nan and inf; nothing selects by them and nobody stands there.
     fn numbers(&self) -> Result<(), Error> {
         for t in &self.project.pv {
-            let s = &t.select;
+            let Some(s) = &t.select else { continue };
             let azimuth = s.azimuth_deg.unwrap_or_default();
             let all = [s.min_tilt_deg, s.max_tilt_deg, Some(azimuth[0]), Some(azimuth[1])];
             if let Some(found) = all.into_iter().flatten().find(|v| !v.is_finite()) {
@@ -125,6 +127,17 @@ impl Reader<'_> {
             meridian_deg: s.meridian,
             elevation_m: s.elevation_m,
         })
+    }
+
+    pub fn horizon(&self) -> Result<Option<FarHorizon>, Error> {
+        let horizon = match &self.project.site.horizon {
+            None => return Ok(None),
+            Some(HorizonEntry::Points(points)) => FarHorizon::from_points(points),
+            Some(HorizonEntry::File(path)) => {
+                FarHorizon::read(&self.file.parent().unwrap_or(Path::new("")).join(path))
+            }
+        };
+        horizon.map(Some).map_err(|e| self.wrong(format!("site.horizon: {e}")))
     }
 
     pub fn times(&self) -> Result<TimeSpec, Error> {
@@ -211,7 +224,7 @@ impl Reader<'_> {
     }
 
     pub fn scene(&self, folder: &Path) -> Result<SceneSpec, Error> {
-        let s = &self.project.scene;
+        let Project { scene: s, site, .. } = self.project;
         if !(0.0..=1.0).contains(&s.default_reflectance) {
             return Err(self.wrong(format!(
                 "scene.default_reflectance: expected 0 to 1, found {}",
@@ -247,17 +260,27 @@ impl Reader<'_> {
             default_reflectance: s.default_reflectance,
             lod: s.lod.clone(),
             crs: s.crs.clone(),
-            north_deg: s.north_deg,
+            north_deg: s.north_deg.unwrap_or(0.0),
+            convergence_at: s.north_deg.is_none().then_some([site.latitude, site.longitude]),
+            reflectance: s.reflectance.clone(),
+            arrays: self.arrays(),
             origin,
         })
     }
 
+    fn arrays(&self) -> Vec<(String, PvArray)> {
+        let array = |t: &project::PvTable| t.array.clone().map(|array| (t.name.clone(), array));
+        self.project.pv.iter().filter_map(array).collect()
+    }
+
     pub fn inputs(&self, folder: &Path) -> Result<BTreeMap<String, String>, Error> {
         let mut inputs = BTreeMap::new();
-        let mut waiting: Vec<PathBuf> =
-            self.project.scene.files.iter().rev().map(|entry| folder.join(entry.path())).collect();
+        // Each with the scene file that it is part of.
+        let own = self.project.scene.files.iter().rev().map(|entry| folder.join(entry.path()));
+        let mut waiting: Vec<(PathBuf, PathBuf)> = own.map(|path| (path.clone(), path)).collect();
         let mut seen = BTreeSet::new();
-        while let Some(path) = waiting.pop() {
+        let files = Files::on_disk();
+        while let Some((path, scene)) = waiting.pop() {
             if !seen.insert(path.clone()) {
                 continue;
             }
@@ -270,7 +293,8 @@ impl Reader<'_> {
             }
             let read = |source| Error::Read { path: path.clone(), source };
             let hash = hash_path(&path).map_err(read)?;
-            waiting.extend(named_files(&path).map_err(read)?);
+            let named = named_files(&files, &path, &scene).map_err(read)?;
+            waiting.extend(named.into_iter().map(|path| (path, scene.clone())));
             // The name alone: where a file lies must not change what a run writes.
             let plain = path.file_name().unwrap_or_default().to_string_lossy();
             // Files of the same name from different folders each count.
@@ -285,27 +309,29 @@ impl Reader<'_> {
         Ok(inputs)
     }
 
-    pub fn pv(&self) -> Vec<PvSpec> {
-        let spec = |t: &project::PvTable| PvSpec {
-            name: t.name.clone(),
-            select: Select {
-                modifier: t.select.modifier.clone(),
-                material: t.select.material.clone(),
-                object: t.select.object.clone(),
-                surface: t.select.surface.clone(),
-                min_tilt_deg: t.select.min_tilt_deg,
-                max_tilt_deg: t.select.max_tilt_deg,
-                azimuth_deg: t.select.azimuth_deg,
-            },
-            two_sided: t.two_sided,
+    pub fn pv(&self) -> Result<Vec<PvSpec>, Error> {
+        let spec = |t: &project::PvTable| {
+            match (&t.select, &t.array) {
+            (Some(select), None) => {
+                let (name, select) = (t.name.clone(), select.clone());
+                Ok(PvSpec { name, select, two_sided: t.two_sided })
+            }
+            (None, Some(_)) => Ok(PvSpec::of_array(&t.name, t.two_sided)),
+            (found, _) => Err(self.wrong(format!(
+                "[[pv]] \"{}\": expected either `select` (surfaces of the scene) or `array` (rows of modules that the scene doesn't hold), found {}",
+                t.name,
+                if found.is_some() { "both" } else { "neither" }
+            ))),
+        }
         };
         self.project.pv.iter().map(spec).collect()
     }
 }
 
 /// Files that a scene file pulls in (`!xform`, `mtllib`, buffers of glTF): every word of its text
-/// that names a file of such a kind beside it. One word too many only makes a run more careful.
-fn named_files(path: &Path) -> io::Result<Vec<PathBuf>> {
+/// that names a file, where the reader would look for it. One word too many only makes a run more
+/// careful.
+fn named_files(files: &Files, path: &Path, scene: &Path) -> io::Result<Vec<PathBuf>> {
     const READERS: [&str; 3] = ["rad", "obj", "gltf"];
     const NAMED: [&str; 4] = ["rad", "obj", "mtl", "bin"];
     let kind = |p: &Path| p.extension().and_then(|e| e.to_str()).map(str::to_ascii_lowercase);
@@ -313,14 +339,18 @@ fn named_files(path: &Path) -> io::Result<Vec<PathBuf>> {
     if !is(path, &READERS) {
         return Ok(Vec::new());
     }
-    let folder = path.parent().unwrap_or(Path::new(""));
     let text = fs::read(path)?;
     let words = text.split(|b| b.is_ascii_whitespace() || b"\"';|,".contains(b));
     let mut out = BTreeSet::new();
+    let mut last = "";
     for word in words.filter_map(|w| std::str::from_utf8(w).ok()) {
-        if is(Path::new(word), &NAMED) && folder.join(word).is_file() {
-            out.insert(folder.join(word));
+        if is(Path::new(word), &NAMED) || last == "-f" {
+            let found = files.find(path, scene, word);
+            if files.is_file(&found) {
+                out.insert(found);
+            }
         }
+        last = word;
     }
     Ok(out.into_iter().collect())
 }

@@ -11,11 +11,14 @@ use super::manifest::key_of;
 use super::project::{self, FileEntry, Project};
 use super::reader::Reader;
 use super::set::Assignment;
+use crate::base::Timeline;
 use crate::glare;
+use crate::glare::rules::Profile;
+use crate::render::sensors::Sensor;
 use crate::render::{Gather, Quantity, View};
 use crate::site::bsdf::{Bsdf, Model, Side, Spectrum};
 use crate::site::{PvSpec, SceneSpec};
-use crate::sky::{Place, TimeSpec};
+use crate::sky::{self, FarHorizon, Place, TimeSpec};
 use crate::trace;
 
 /// Below this many stored photons verdicts and pictures are marked as a draft.
@@ -64,7 +67,29 @@ pub struct PlannedView {
     pub annual: Gather,
     /// How the series is gathered; its bandwidth is fixed once the timesteps are known.
     pub series_bandwidth: Option<usize>,
+    /// Points instead of pixels: `view` then means nothing, and the hits say how many there are.
+    pub points: Option<Points>,
 }
+
+/// Where the points of a set of sensors come from.
+#[derive(Clone, Debug, Serialize)]
+pub enum Points {
+    /// A file of `[[view]] sensors`.
+    File {
+        /// Hash of the file.
+        hash: String,
+        /// What it holds.
+        #[serde(skip)]
+        sensors: Vec<Sensor>,
+        /// Whether that is in map coordinates.
+        map: bool,
+    },
+    /// All `[[observer]]`s and `[[region]]`s.
+    Receivers,
+}
+
+/// The set of all observers and regions.
+pub const RECEIVERS: &str = "receivers";
 
 /// A project, checked, with all defaults filled in.
 #[derive(Clone, Debug)]
@@ -89,12 +114,19 @@ pub struct Resolved {
     pub reference: Option<usize>,
     /// The pictures.
     pub views: Vec<PlannedView>,
+    /// Sets of points that are rendered and analysed as the pictures are; the last one is that of
+    /// the observers and regions, if there are any.
+    pub sensors: Vec<PlannedView>,
     /// How photons are traced.
     pub trace: trace::Settings,
     /// What is compared with the thresholds.
     pub quantity: Quantity,
     /// How glare is found; the threshold is filled in for each.
     pub glare: glare::Settings,
+    /// What it is judged by.
+    pub rules: Vec<Profile>,
+    /// Ridges beyond the scene.
+    pub horizon: Option<FarHorizon>,
     /// Hash of each input file by its name.
     pub inputs: BTreeMap<String, String>,
     /// Hash of the weather file, where there is one.
@@ -117,9 +149,12 @@ impl Resolved {
         Ok(Self {
             place: r.place()?,
             times: r.times()?,
+            horizon: r.horizon()?,
             scene: r.scene(&folder)?,
-            pv: r.pv(),
-            views: project.view.iter().map(|v| r.view(v)).collect::<Result<_, _>>()?,
+            pv: r.pv()?,
+            views: r.views()?,
+            sensors: r.sensors()?,
+            rules: r.rules()?,
             trace: r.trace()?,
             quantity: r.quantity()?,
             glare: r.glare(memory_bytes)?,
@@ -131,6 +166,11 @@ impl Resolved {
             file: file.clone(),
             project,
         })
+    }
+
+    /// The pictures, then the sets of points.
+    pub fn with_sensors(&self) -> impl Iterator<Item = &PlannedView> {
+        self.views.iter().chain(&self.sensors)
     }
 
     /// Where results lie.
@@ -159,7 +199,21 @@ impl Resolved {
             let (FileEntry::Path(path) | FileEntry::Table { path, .. }) = entry;
             *path = path.file_name().unwrap_or_default().into();
         }
-        key_of("scene", &(scene, &self.project.pv, &self.inputs))
+        // By the projection the site's place says where north lies.
+        let place = self.scene.convergence_at;
+        key_of("scene", &(scene, &self.project.pv, &self.inputs, place))
+    }
+
+    /// The timesteps: the suns above the horizon, the far one as well.
+    ///
+    /// # Errors
+    /// See [`sky::timeline`].
+    pub fn timeline(&self) -> Result<Timeline, Error> {
+        let timeline = sky::timeline(&self.place, &self.times)?;
+        Ok(match &self.horizon {
+            None => timeline,
+            Some(horizon) => horizon.cut(timeline)?,
+        })
     }
 
     /// What decides the timesteps.
@@ -169,14 +223,14 @@ impl Resolved {
     pub fn suns_key(&self) -> Result<String, Error> {
         let s = &self.project.site;
         let place = (s.latitude, s.longitude, s.meridian, s.elevation_m);
-        match &self.weather {
-            None => key_of("suns", &(place, &self.project.time)),
-            // Not the path: where a file lies must not change what a run writes.
-            Some(hash) => {
-                let mut time = self.project.time.clone();
-                time.irradiance = toml::Value::String(hash.clone());
-                key_of("suns", &(place, time))
-            }
+        // Not the weather's path: where a file lies must not change what a run writes.
+        let mut time = self.project.time.clone();
+        if let Some(hash) = &self.weather {
+            time.irradiance = toml::Value::String(hash.clone());
+        }
+        match &self.horizon {
+            None => key_of("suns", &(place, time)),
+            Some(horizon) => key_of("suns", &(place, time, horizon)),
         }
     }
 
@@ -194,6 +248,14 @@ impl Resolved {
     /// # Errors
     /// When the settings can't be hashed.
     pub fn hits_key(&self, view: &PlannedView) -> Result<String, Error> {
+        match &view.points {
+            None => {}
+            Some(file @ Points::File { .. }) => {
+                let path_m = (self.trace.max_path_m, self.trace.seed);
+                return key_of("sensors", &(self.scene_key()?, path_m, file));
+            }
+            Some(Points::Receivers) => return self.receivers_key(),
+        }
         #[derive(Serialize)]
         struct Facts<'a> {
             scene: String,
@@ -212,6 +274,27 @@ impl Resolved {
                 seed: self.trace.seed,
             },
         )
+    }
+
+    /// What decides the points of the observers and regions: all but their classes.
+    fn receivers_key(&self) -> Result<String, Error> {
+        let p = &self.project;
+        let observers: Vec<_> = p
+            .observer
+            .iter()
+            .map(|o| project::ObserverTable { class: None, ..o.clone() })
+            .collect();
+        let regions: Vec<_> =
+            p.region.iter().map(|r| project::RegionTable { class: None, ..r.clone() }).collect();
+        // Polygons in pictures mean what the pictures see.
+        let seen = p
+            .region
+            .iter()
+            .filter_map(|r| self.views.iter().find(|v| Some(&v.name) == r.view.as_ref()))
+            .map(|v| self.hits_key(v))
+            .collect::<Result<Vec<_>, _>>()?;
+        let trace = (self.trace.max_path_m, self.trace.seed);
+        key_of("receivers", &(self.scene_key()?, trace, observers, regions, seen))
     }
 
     /// What decides a candidate's maps and series in a view.
@@ -235,5 +318,18 @@ impl Resolved {
     pub fn glare_key(&self, render_key: &str, threshold: f64) -> Result<String, Error> {
         let g = &self.project.glare;
         key_of("glare", &(render_key, threshold, g.sigma, g.truncate, g.connectivity))
+    }
+
+    /// What decides what is read off a set of points.
+    ///
+    /// # Errors
+    /// When the settings can't be hashed.
+    pub fn received_key(&self, candidate: &Candidate, set: &PlannedView) -> Result<String, Error> {
+        let render = self.render_key(candidate, set)?;
+        let thresholds = &self.project.glare.thresholds_w_m2;
+        let glare: Vec<String> =
+            thresholds.iter().map(|t| self.glare_key(&render, *t)).collect::<Result<_, _>>()?;
+        // Dates and clock times stand in the tables.
+        key_of("received", &(glare, &self.project.site.timezone, self.project.site.meridian))
     }
 }

@@ -33,6 +33,7 @@ fn stages_of(job: &mut Job<'_>) -> Result<(), Error> {
     // Mistakes in the scene come up before anything is made.
     if job.has_to_read_the_scene()? {
         job.site()?;
+        stages::check_receivers(job)?;
     }
     for stage in Stage::ALL {
         if stage > job.options.until {

@@ -44,16 +44,22 @@ pub fn units(resolved: &Resolved) -> Result<Vec<Planned>, Error> {
         add(Stage::Trace, format!("trace {}", candidate.name), Some(photons));
         add(Stage::Pages, format!("pages {}", candidate.name), Some(pages));
     }
-    for view in &resolved.views {
+    for view in resolved.with_sensors() {
         let hits = resolved.hits_key(view)?;
         let direct = key_of("direct", &(&hits, resolved.suns_key()?))?;
         add(Stage::Render, format!("hits {}", view.name), Some(hits));
-        add(Stage::Render, format!("direct {}", view.name), Some(direct));
+        if view.points.is_none() {
+            add(Stage::Render, format!("direct {}", view.name), Some(direct));
+        }
         for candidate in &resolved.candidates {
             let render = resolved.render_key(candidate, view)?;
             for &threshold in &resolved.project.glare.thresholds_w_m2 {
                 let unit = format!("glare {} {} {threshold}", candidate.name, view.name);
                 add(Stage::Glare, unit, Some(resolved.glare_key(&render, threshold)?));
+            }
+            if view.points.is_some() {
+                let unit = stages::received_unit(candidate, view);
+                add(Stage::Glare, unit, Some(resolved.received_key(candidate, view)?));
             }
             let unit = format!("render {} {}", candidate.name, view.name);
             add(Stage::Render, unit, Some(render));

@@ -5,7 +5,7 @@ use glam::{DVec3, Vec3};
 use super::draft::{Draft, Shape};
 use super::load::Source;
 use super::log::Log;
-use super::select::Candidate;
+use super::select::{Candidate, Cut};
 use super::triangulate::{Flaw, MIN_AREA_M2, Triangulator, keeps_its_normal};
 use super::{Error, Face, Triangle};
 use crate::base::{Place, limits};
@@ -17,6 +17,8 @@ const WARP_M: f64 = 0.05;
 
 /// Cuts the draft's surfaces into the scene's faces and triangles.
 pub(super) struct Builder<'a> {
+    /// Polygons of `[[pv]]` entries, at which faces are cut.
+    cuts: Vec<Cut<'a>>,
     draft: &'a Draft,
     log: &'a mut Log,
     sources: &'a mut [Source],
@@ -33,8 +35,14 @@ pub(super) struct Builder<'a> {
 }
 
 impl<'a> Builder<'a> {
-    pub fn new(draft: &'a Draft, log: &'a mut Log, sources: &'a mut [Source]) -> Self {
+    pub fn new(
+        draft: &'a Draft,
+        log: &'a mut Log,
+        sources: &'a mut [Source],
+        cuts: Vec<Cut<'a>>,
+    ) -> Self {
         Self {
+            cuts,
             draft,
             log,
             sources,
@@ -117,10 +125,39 @@ impl<'a> Builder<'a> {
                 plane.normal
             }
         };
-        self.push(i, normal);
+        self.parts(i, normal);
+        self.push(i, normal, None);
     }
 
-    fn push(&mut self, i: u32, normal: DVec3) {
+    /// Makes the parts of a surface that lie within polygons faces of their own.
+    fn parts(&mut self, i: u32, normal: DVec3) {
+        for c in 0..self.cuts.len() {
+            let cut = &self.cuts[c];
+            if self.cut.is_empty() || normal == DVec3::ZERO || !cut.matcher.takes(i, normal) {
+                continue;
+            }
+            let (within, without) = cut.region.split(&self.cut);
+            if within.is_empty() {
+                continue;
+            }
+            let entry = cut.entry;
+            let whole = without.is_empty();
+            let keep = |part: Vec<[DVec3; 3]>| {
+                let kept = |t: &[DVec3; 3]| whole || keeps_its_normal(t, normal);
+                part.into_iter().filter(kept).collect()
+            };
+            self.cut = keep(within);
+            self.push(i, normal, Some(entry));
+            self.cut = keep(without);
+        }
+    }
+
+    /// Adds a face of the triangles in `cut`; `part`: within the polygon of which entry.
+    fn push(&mut self, i: u32, normal: DVec3, part: Option<usize>) {
+        // All of it lies within polygons.
+        if self.cut.is_empty() && self.candidates.last().is_some_and(|c| c.surface == i) {
+            return;
+        }
         let surface = &self.draft.surfaces[i as usize];
         let kind = &self.draft.objects[surface.object as usize].kind;
         let first_triangle = self.triangles.len() as u32;
@@ -140,7 +177,14 @@ impl<'a> Builder<'a> {
         source.faces += 1;
         source.triangles += triangles as usize;
         self.faces.push(Face { object: surface.object, material: surface.material, pv: None });
-        self.candidates.push(Candidate { surface: i, normal, area_m2, first_triangle, triangles });
+        self.candidates.push(Candidate {
+            surface: i,
+            normal,
+            area_m2,
+            first_triangle,
+            triangles,
+            part,
+        });
     }
 
     fn place_of(&self, i: u32) -> Place {

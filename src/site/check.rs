@@ -5,7 +5,7 @@ use std::fmt;
 
 use glam::{DVec3, Vec3};
 
-use super::{Loaded, Site, Source, azimuth_deg, tilt_deg};
+use super::{Loaded, North, Site, Source, azimuth_deg, tilt_deg};
 use crate::base::{Aabb, Finding, Place, Severity};
 
 /// How far from the PV ground is looked for, m: the paper's path limit.
@@ -41,6 +41,8 @@ pub struct Summary {
     pub crs: Option<String>,
     /// Map coordinates of the local origin, m.
     pub origin_m: DVec3,
+    /// Where true north lies in the files' coordinates.
+    pub north: North,
     /// Extent, metres from the local origin.
     pub extent_m: Aabb,
     /// Surfaces by what the source says they are, and by material.
@@ -91,6 +93,7 @@ pub fn summarise(site: &Site) -> Summary {
         triangles: site.triangles.len(),
         crs: None,
         origin_m: site.origin,
+        north: North::default(),
         extent_m: site.bounds,
         kinds: kinds(site),
         pv: (0..site.pv.len()).map(|i| pv(site, i)).collect(),
@@ -101,7 +104,7 @@ pub fn summarise(site: &Site) -> Summary {
 /// Sums up a scene and its files.
 pub fn summarise_loaded(loaded: &Loaded) -> Summary {
     let (files, crs) = (loaded.sources.clone(), loaded.crs.clone());
-    Summary { files, crs, ..summarise(&loaded.site) }
+    Summary { files, crs, north: loaded.north.clone(), ..summarise(&loaded.site) }
 }
 
 impl fmt::Display for Summary {
@@ -123,6 +126,7 @@ impl fmt::Display for Summary {
             write!(f, "local origin = map ({:.3}, {:.3}, {:.3})", o.x, o.y, o.z)?;
             writeln!(f, "{}", self.crs.as_ref().map_or_else(String::new, |c| format!(", {c}")))?;
         }
+        writeln!(f, "true north: {}", self.north)?;
         writeln!(f, "\nsurfaces")?;
         for k in &self.kinds {
             writeln!(

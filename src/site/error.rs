@@ -52,7 +52,7 @@ pub enum Error {
         expected: &'static str,
     },
     /// A file whose format says neither its unit nor which axis points up.
-    #[error("{}: {format} files don't say {missing}; expected it in the project: {{ path = \"{}\", unit = \"m\", up = \"z\" }} (unit: m, cm, mm, km, in, ft; up: z, y, x)", path.display(), path.display())]
+    #[error("{}: {format} files don't say {missing}; expected it in the project: {{ path = \"{}\", unit = \"m\", up = \"z\" }}, or of `new`: --unit m --up z (unit: m, cm, mm, km, in, ft; up: z, y, x)", path.display(), path.display())]
     Unstated {
         /// The file.
         path: PathBuf,
@@ -131,9 +131,31 @@ pub enum Error {
         /// The most there may be.
         limit: usize,
     },
+    /// A setting of an array that makes no sense.
+    #[error("[[pv]] {entry}: array: {key} = {found}; expected {expected}")]
+    Array {
+        /// The entry.
+        entry: String,
+        /// The key.
+        key: &'static str,
+        /// What it is.
+        found: String,
+        /// What it should be.
+        expected: &'static str,
+    },
+    /// A polygon that encloses nothing.
+    #[error(
+        "[[pv]] {entry}: select: polygon of {points} points encloses no area; expected at least three points [x, y] in metres, of finite numbers, around the faces"
+    )]
+    Polygon {
+        /// The entry.
+        entry: String,
+        /// How many points it has.
+        points: usize,
+    },
     /// `select` without a key.
     #[error(
-        "[[pv]] {entry}: select has no keys; expected at least one of modifier, material, object, surface, min_tilt_deg, max_tilt_deg, azimuth_deg"
+        "[[pv]] {entry}: select has no keys; expected at least one of modifier, material, object, surface, min_tilt_deg, max_tilt_deg, azimuth_deg, polygon"
     )]
     SelectEmpty {
         /// The entry.

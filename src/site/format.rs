@@ -92,6 +92,14 @@ fn up(name: &str) -> Option<Up> {
     })
 }
 
+impl SceneFile {
+    /// Whether it is a mesh, by its name: of those unit and up axis can be stated.
+    pub fn is_mesh(&self) -> bool {
+        let stated = Self { unit: Some("m".into()), up: Some("z".into()), ..self.clone() };
+        format_of(&stated).is_ok_and(|(format, _)| format.is_mesh())
+    }
+}
+
 /// The format of a file, by its name, and its axes.
 pub(super) fn format_of(file: &SceneFile) -> Result<(Format, Axes), Error> {
     let extension =

@@ -1,17 +1,20 @@
+use std::borrow::Cow;
 use std::collections::BTreeMap;
-use std::fs;
 use std::path::{Path, PathBuf};
 
 use glam::DVec3;
 
 use super::build::Builder;
-use super::draft::{Draft, Full, Shape, Surface};
+use super::draft::{Draft, Full};
 use super::format::{Axes, Format, format_of};
+use super::levels::Levels;
 use super::log::Log;
 use super::mesh::{Mesh, Owner};
-use super::placement::{LOCAL_REACH_M, extents, place, reference_system};
+use super::placement::{LOCAL_REACH_M, extents, north, place, reference_system};
+use super::surroundings::terrains;
 use super::{
-    Error, Material, Object, Origin, PvSpec, SceneSpec, Site, cityjson, mesh, rad, select, terrain,
+    Error, Files, Material, North, Origin, PvSpec, SceneSpec, Site, array, cityjson, mesh, rad,
+    select,
 };
 use crate::base::{Place, limits};
 
@@ -50,6 +53,8 @@ pub struct Loaded {
     pub sources: Vec<Source>,
     /// Coordinate reference system of map coordinates: the project's, else the first file's.
     pub crs: Option<String>,
+    /// Where true north lies in the files' coordinates.
+    pub north: North,
 }
 
 impl Site {
@@ -68,10 +73,18 @@ impl Site {
 /// # Errors
 /// See [`Error`].
 pub fn load(scene: &SceneSpec, pv: &[PvSpec]) -> Result<Loaded, Error> {
+    load_from(&Files::on_disk(), scene, pv)
+}
+
+/// [`load`] with files that may lie in memory.
+///
+/// # Errors
+/// See [`Error`].
+pub fn load_from(files: &Files, scene: &SceneSpec, pv: &[PvSpec]) -> Result<Loaded, Error> {
     check(scene)?;
     let mut draft = Draft::default();
     let mut log = Log::default();
-    let mut sources = read_all(scene, pv, &mut draft, &mut log)?;
+    let mut sources = read_all(files, scene, pv, &mut draft, &mut log)?;
     for (source, extent) in sources.iter_mut().zip(extents(&draft, scene.files.len())) {
         source.extent_m = extent;
     }
@@ -79,8 +92,15 @@ pub fn load(scene: &SceneSpec, pv: &[PvSpec]) -> Result<Loaded, Error> {
         return Err(empty(scene, &draft));
     }
     let crs = reference_system(scene, &sources, &mut log)?;
-    let origin = place(scene, &sources, &mut draft)?;
-    let mut builder = Builder::new(&draft, &mut log, &mut sources);
+    let north = north(scene, crs.as_deref(), &sources);
+    let placement = place(scene, &sources, north.deg, &mut draft)?;
+    for entry in &scene.arrays {
+        let number = sources.len() as u32;
+        sources.push(array::add(entry, &placement, (number, PLAIN), &mut draft)?);
+    }
+    reflectances(scene, &mut draft);
+    let cuts = select::cuts(&draft, pv, &placement)?;
+    let mut builder = Builder::new(&draft, &mut log, &mut sources, cuts);
     builder.build()?;
     let Builder { triangles, mut faces, candidates, .. } = builder;
     if faces.is_empty() {
@@ -98,8 +118,9 @@ pub fn load(scene: &SceneSpec, pv: &[PvSpec]) -> Result<Loaded, Error> {
     }
     let (objects, materials) = (draft.objects, draft.materials);
     let findings = log.finish();
+    let origin = placement.origin;
     let site = Site::from_parts(triangles, faces, objects, materials, surfaces, origin, findings);
-    Ok(Loaded { site, sources, crs })
+    Ok(Loaded { site, sources, crs, north })
 }
 
 fn check(scene: &SceneSpec) -> Result<(), Error> {
@@ -111,6 +132,13 @@ fn check(scene: &SceneSpec) -> Result<(), Error> {
             key: "default_reflectance",
             found: scene.default_reflectance.to_string(),
             expected: "a reflectance from 0 to 1",
+        });
+    }
+    if let Some((name, value)) = scene.reflectance.iter().find(|(_, v)| !(0.0..=1.0).contains(*v)) {
+        return Err(Error::Value {
+            key: "reflectance",
+            found: format!("{{ {name} = {value} }}"),
+            expected: "reflectances from 0 to 1",
         });
     }
     if !(-360.0..=360.0).contains(&scene.north_deg) {
@@ -129,20 +157,31 @@ fn check(scene: &SceneSpec) -> Result<(), Error> {
     Ok(())
 }
 
-fn bytes_of(path: &Path) -> Result<Vec<u8>, Error> {
+/// The bytes of a scene file.
+pub(super) fn bytes_of<'a>(files: &'a Files, path: &Path) -> Result<Cow<'a, [u8]>, Error> {
     let failed = |source| Error::Read { path: path.to_owned(), source };
-    let meta = fs::metadata(path).map_err(failed)?;
-    if meta.is_dir() {
-        return Err(failed(std::io::Error::from(std::io::ErrorKind::IsADirectory)));
-    }
     let limit = limits::MAX_TEXT_FILE_BYTES;
-    if meta.len() > limit {
-        return Err(Error::FileTooLarge { path: path.to_owned(), bytes: meta.len(), limit });
+    let bytes = files.length(path).map_err(failed)?;
+    if bytes > limit {
+        return Err(Error::FileTooLarge { path: path.to_owned(), bytes, limit });
     }
-    fs::read(path).map_err(failed)
+    files.read(path, limit).map_err(failed)
+}
+
+/// Index of the material of surfaces that nothing is said about.
+const PLAIN: u32 = 0;
+
+/// Materials whose reflectance the project states.
+fn reflectances(scene: &SceneSpec, draft: &mut Draft) {
+    for material in &mut draft.materials {
+        if let Some(&value) = scene.reflectance.get(&material.name) {
+            material.reflectance = [value as f32; 3];
+        }
+    }
 }
 
 fn read_all(
+    files: &Files,
     scene: &SceneSpec,
     pv: &[PvSpec],
     draft: &mut Draft,
@@ -153,8 +192,7 @@ fn read_all(
         scene.files.iter().map(format_of).collect::<Result<_, _>>()?;
     let selected = pv.iter().flat_map(|p| [&p.select.modifier, &p.select.material]);
     let mut names = rad::Names::new(scene.default_reflectance, selected.flatten().cloned());
-    // City models say nothing about reflectances here: one material for all.
-    let plain = draft.materials.len() as u32;
+    let plain = PLAIN;
     draft.materials.push(Material {
         name: "default".to_owned(),
         reflectance: [scene.default_reflectance as f32; 3],
@@ -169,17 +207,17 @@ fn read_all(
             sources.push(source);
             continue;
         }
-        let bytes = bytes_of(&file.path)?;
+        let bytes = bytes_of(files, &file.path)?;
         let at = (i as u32, file.path.as_path());
         let (first_object, first_surface) = (draft.objects.len(), draft.surfaces.len());
         if format == Format::Radiance {
             let text = String::from_utf8_lossy(&bytes);
-            rad::read(at, &text, &mut names, draft, log).map_err(too_many)?;
+            rad::read(at, &text, files, &mut names, draft, log).map_err(too_many)?;
             source.objects = draft.objects.len() - first_object;
         } else if format.is_mesh() {
             let read = match format {
-                Format::Obj => mesh::obj(&file.path, &bytes, log),
-                Format::Gltf => mesh::gltf(&file.path, &bytes, log),
+                Format::Obj => mesh::obj(files, &file.path, &bytes, log),
+                Format::Gltf => mesh::gltf(files, &file.path, &bytes, log),
                 Format::Ply => mesh::ply(&file.path, &bytes, log),
                 _ => mesh::stl(&file.path, &bytes, log),
             };
@@ -219,7 +257,7 @@ fn read_all(
         }
     }
     if log.faults.is_empty() {
-        terrains(scene, &formats, plain, &mut sources, draft, log)?;
+        terrains(files, scene, &formats, plain, &mut sources, draft, log)?;
     }
     levels.check(scene, log);
     if !log.faults.is_empty() {
@@ -258,153 +296,6 @@ fn add_mesh(
     mesh.add(|p| axes.metres(p), &owner, draft, log, file)
 }
 
-/// How far beyond the other files terrain is kept, m: further than light is followed by default.
-const SURROUNDINGS_M: f64 = 300.0;
-/// Half of the edge of a terrain that stands alone, m: positions are exact enough within.
-const ALONE_M: f64 = 90_000.0;
-
-/// Reads the terrains, each cut to the surroundings of everything else.
-fn terrains(
-    scene: &SceneSpec,
-    formats: &[(Format, Axes)],
-    plain: u32,
-    sources: &mut [Source],
-    draft: &mut Draft,
-    log: &mut Log,
-) -> Result<(), Error> {
-    if !formats.iter().any(|(format, _)| format.is_terrain()) {
-        return Ok(());
-    }
-    let shift = match scene.origin {
-        Origin::At(origin) => origin,
-        Origin::Auto => DVec3::ZERO,
-    };
-    let mut known: Option<terrain::Region> = None;
-    for (source, extent) in sources.iter().zip(extents(draft, sources.len())) {
-        let Some([min, max]) = extent else { continue };
-        let shift = if source.is_city { DVec3::ZERO } else { shift };
-        let [low, high] = [min, max].map(|p| (p + shift).truncate());
-        known = Some(known.map_or([low, high], |[a, b]| [a.min(low), b.max(high)]));
-    }
-    let region = known.map(|[a, b]| [a - SURROUNDINGS_M, b + SURROUNDINGS_M]);
-    for (i, (file, &(format, _))) in scene.files.iter().zip(formats).enumerate() {
-        if !format.is_terrain() {
-            continue;
-        }
-        let place = |line| Place { file: file.path.clone(), line, ..Place::default() };
-        let bytes = bytes_of(&file.path)?;
-        let read = |region| match format {
-            Format::AsciiGrid => terrain::ascii(&bytes, region),
-            _ => terrain::geotiff(&bytes, region).map_err(|message| (0, message)),
-        };
-        let whole = || read(region);
-        let grid = match whole() {
-            Ok(grid) => grid,
-            Err((line, message)) => {
-                log.fault(place(line), message);
-                continue;
-            }
-        };
-        let grid = match region.is_none().then(|| alone(&grid)).flatten() {
-            Some(middle) => match read(Some(middle)) {
-                Ok(grid) => grid,
-                Err((line, message)) => {
-                    log.fault(place(line), message);
-                    continue;
-                }
-            },
-            None => grid,
-        };
-        let corners = terrain::triangles(&grid);
-        let [columns, rows] = grid.whole;
-        let message = format!(
-            "{columns} x {rows} heights, {} x {} around the scene kept; {} triangles within {} m of them",
-            grid.layout.columns,
-            grid.layout.rows,
-            corners.len() / 3,
-            terrain::ERROR_M
-        );
-        log.note(&file.path, message);
-        if corners.is_empty() {
-            log.fault(
-                place(0),
-                "no height lies around the other files: do they have the same map coordinates?",
-            );
-            continue;
-        }
-        let object = draft.objects.len() as u32;
-        let id = file.path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
-        draft.objects.push(Object { id, kind: "terrain".to_owned() });
-        let full = |Full| Error::TooManyTriangles { limit: limits::MAX_TRIANGLES };
-        let shape: Shape = draft.add_curved(&corners).map_err(full)?;
-        let surface =
-            Surface { shape, object, material: plain, modifier: None, source: i as u32, line: 0 };
-        draft.add_surface(surface).map_err(full)?;
-        sources[i].objects = 1;
-        sources[i].crs = grid.crs;
-    }
-    Ok(())
-}
-
-/// The middle of a grid that is larger than positions are exact.
-fn alone(grid: &terrain::Grid) -> Option<terrain::Region> {
-    let l = &grid.layout;
-    let corner = |c: usize, r: usize| l.origin + l.axes * glam::DVec2::new(c as f64, r as f64);
-    let (last, bottom) = (l.columns.saturating_sub(1), l.rows.saturating_sub(1));
-    let corners = [corner(0, 0), corner(last, 0), corner(0, bottom), corner(last, bottom)];
-    let low = corners.into_iter().reduce(glam::DVec2::min)?;
-    let high = corners.into_iter().reduce(glam::DVec2::max)?;
-    let middle = (low + high) * 0.5;
-    ((high - low).max_element() > 2.0 * ALONE_M).then_some([middle - ALONE_M, middle + ALONE_M])
-}
-
-/// Which levels of detail the city models have.
-#[derive(Default)]
-struct Levels {
-    known: BTreeMap<String, usize>,
-    found: bool,
-    file: PathBuf,
-}
-
-impl Levels {
-    fn add(&mut self, file: &Path, read: &cityjson::Read, wanted: Option<&str>, log: &mut Log) {
-        for (lod, count) in &read.lods {
-            *self.known.entry(lod.clone()).or_default() += count;
-            let same = |w: &str| w == lod || (w.parse().ok() == lod.parse::<f64>().ok());
-            self.found |= wanted.is_some_and(same);
-        }
-        self.file = file.to_owned();
-        let place = Place { file: file.to_owned(), ..Place::default() };
-        if read.other_lod > 0 {
-            let message = format!(
-                "{} objects lack the level of detail {}; the next lower one was taken, or the lowest",
-                read.other_lod,
-                wanted.unwrap_or_default()
-            );
-            log.warn("files without the level of detail", place.clone(), message);
-        }
-        if read.unread > 0 {
-            let message = format!("{} geometries of points or lines are left out", read.unread);
-            log.warn("files with points or lines", place, message);
-        }
-    }
-
-    /// A level that no object has is a mistake.
-    fn check(&self, scene: &SceneSpec, log: &mut Log) {
-        let Some(wanted) = &scene.lod else { return };
-        if self.found || self.known.is_empty() || !log.faults.is_empty() {
-            return;
-        }
-        let there: Vec<String> =
-            self.known.iter().map(|(lod, n)| format!("\"{lod}\" ({n} objects)")).collect();
-        let message = format!(
-            "lod = \"{wanted}\" is in no object; there are {}: choose one, or leave lod out for the highest",
-            there.join(", ")
-        );
-        log.fault(Place { file: self.file.clone(), ..Place::default() }, message);
-    }
-}
-
 impl Source {
     fn new(file: &Path, format: Format) -> Self {
         Self {
@@ -419,6 +310,12 @@ impl Source {
             extent_m: None,
             is_city: format.is_city() || format.is_terrain(),
         }
+    }
+
+    /// What no file holds.
+    pub(super) fn named(name: String, format: &str) -> Self {
+        let source = Self::new(Path::new(&name), Format::Radiance);
+        Self { format: format.to_owned(), ..source }
     }
 
     fn spelt(&self) -> String {

@@ -8,14 +8,19 @@
 //! map coordinates less [`Site::origin`], turned about the origin so that +y is true north:
 //! [`local_from_map`].
 
+mod array;
 pub mod bsdf;
 mod build;
 mod bvh;
 pub mod check;
 mod cityjson;
+mod clip;
+mod convergence;
 mod draft;
 mod error;
+mod files;
 mod format;
+mod levels;
 mod load;
 mod log;
 mod mesh;
@@ -24,13 +29,15 @@ mod rad;
 mod scene;
 mod select;
 mod spec;
+mod surroundings;
 mod terrain;
 mod triangulate;
 
 pub use bvh::{Bvh, RayHit};
 pub use error::Error;
-pub use load::{Loaded, Source, load};
-pub use placement::{local_from_map, map_from_local};
+pub use files::Files;
+pub use load::{Loaded, Source, load, load_from};
+pub use placement::{North, NorthSource, local_from_map, map_from_local};
 pub use scene::{Face, Material, Object, PvSurface, Site, Triangle};
 pub use select::{azimuth_deg, tilt_deg};
-pub use spec::{Origin, PvSpec, SceneFile, SceneSpec, Select};
+pub use spec::{Coordinates, Origin, PvArray, PvSpec, SceneFile, SceneSpec, Select};

@@ -1,9 +1,13 @@
-use glam::{DMat3, DVec3};
+use std::fmt;
 
-use super::draft::{Draft, Shape};
+use glam::{DMat3, DVec2, DVec3};
+
+use super::clip::Region;
+use super::convergence::true_north_deg;
+use super::draft::{Draft, Shape, in_reach};
 use super::load::Source;
 use super::log::Log;
-use super::{Error, Origin, SceneSpec};
+use super::{Coordinates, Error, Origin, SceneSpec};
 use crate::base::Place;
 
 /// Coordinates up to here are taken as local where nothing else is said, m.
@@ -29,6 +33,99 @@ fn turn(north_deg: f64) -> DMat3 {
     }
     let (sin, cos) = libm::sincos(north_deg.to_radians());
     DMat3::from_cols(DVec3::new(cos, sin, 0.0), DVec3::new(-sin, cos, 0.0), DVec3::Z)
+}
+
+/// Where true north lies in the files' coordinates, and who says so.
+#[derive(Clone, Debug, Default, PartialEq, serde::Serialize)]
+pub struct North {
+    /// Clockwise from the files' y axis, degrees; the scene was turned by as much.
+    pub deg: f64,
+    /// Who says so.
+    pub source: NorthSource,
+    /// The reference system, where it matters.
+    pub crs: String,
+}
+
+/// Who says where true north lies.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum NorthSource {
+    /// The project: `north_deg`.
+    #[default]
+    Stated,
+    /// The reference system of the map and the site's latitude and longitude.
+    GridConvergence,
+    /// Nobody: local coordinates, whose y axis is taken as north.
+    Assumed,
+    /// Nobody: a map whose projection isn't known here; its y axis is taken as north.
+    Unknown,
+}
+
+impl fmt::Display for North {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { deg, crs, .. } = self;
+        match self.source {
+            NorthSource::Stated => {
+                write!(f, "{deg:.3} degrees clockwise from the files' y axis (north_deg)")
+            }
+            NorthSource::GridConvergence => write!(
+                f,
+                "{deg:.3} degrees clockwise from the map's y axis (grid convergence of {crs} at the site)"
+            ),
+            NorthSource::Assumed => write!(f, "the files' y axis (north_deg isn't stated)"),
+            NorthSource::Unknown => write!(
+                f,
+                "taken as the map's y axis: the grid convergence of {crs} isn't known here; state north_deg"
+            ),
+        }
+    }
+}
+
+/// Where true north lies: as the project says; else by the map's projection, where the files have
+/// map coordinates and the site's place is known.
+pub(super) fn north(scene: &SceneSpec, crs: Option<&str>, sources: &[Source]) -> North {
+    let of = |deg, source| North { deg, source, crs: crs.unwrap_or_default().to_owned() };
+    let Some([latitude, longitude]) = scene.convergence_at else {
+        return of(scene.north_deg, NorthSource::Stated);
+    };
+    if crs.is_none() || !sources.iter().any(|s| s.is_city) {
+        return of(0.0, NorthSource::Assumed);
+    }
+    match crs.and_then(epsg).and_then(|code| true_north_deg(code, latitude, longitude)) {
+        Some(deg) => of(deg, NorthSource::GridConvergence),
+        None => of(0.0, NorthSource::Unknown),
+    }
+}
+
+/// How coordinates of the project become those of the scene.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Placement {
+    /// Map coordinates of the local origin, m.
+    pub origin: DVec3,
+    pub north_deg: f64,
+}
+
+impl Placement {
+    /// A polygon of the project in local coordinates; `None` where it has no area.
+    pub fn region(&self, polygon: &[[f64; 2]], coordinates: Coordinates) -> Option<Region> {
+        let local = |&p: &[f64; 2]| {
+            let p = DVec2::from(p).extend(0.0);
+            let known = in_reach(p).then_some(p)?;
+            Some(match coordinates {
+                Coordinates::Local => known.truncate(),
+                Coordinates::Map => local_from_map(known, self.origin, self.north_deg).truncate(),
+            })
+        };
+        Region::new(&polygon.iter().map(local).collect::<Option<Vec<_>>>()?)
+    }
+
+    /// A height of the project in local coordinates.
+    pub fn local_height(&self, height_m: f64, coordinates: Coordinates) -> f64 {
+        match coordinates {
+            Coordinates::Local => height_m,
+            Coordinates::Map => height_m - self.origin.z,
+        }
+    }
 }
 
 /// Smallest and largest coordinates of each file.
@@ -102,17 +199,18 @@ fn same_plane(a: &str, b: &str) -> bool {
     a == b || (plane(a).is_some() && plane(a) == plane(b))
 }
 
-/// Moves and turns the draft's points; returns the map coordinates of the local origin.
+/// Moves and turns the draft's points.
 pub(super) fn place(
     scene: &SceneSpec,
     sources: &[Source],
+    north_deg: f64,
     draft: &mut Draft,
-) -> Result<DVec3, Error> {
+) -> Result<Placement, Error> {
     let origin = match scene.origin {
         Origin::At(origin) => origin,
         Origin::Auto => auto_origin(sources)?,
     };
-    let turn = turn(scene.north_deg);
+    let turn = turn(north_deg);
     let shift: Vec<DVec3> =
         sources.iter().map(|s| if s.is_city { origin } else { DVec3::ZERO }).collect();
     for (source, shift) in sources.iter().zip(&shift) {
@@ -148,7 +246,7 @@ pub(super) fn place(
             Shape::Curved(range) | Shape::Flat(range) => local(range),
         }
     }
-    Ok(origin)
+    Ok(Placement { origin, north_deg })
 }
 
 fn auto_origin(sources: &[Source]) -> Result<DVec3, Error> {
@@ -188,6 +286,46 @@ mod tests {
         let back = map_from_local(local_from_map(p, origin, 33.0), origin, 33.0);
         assert!((back - p).length() < 1e-12);
     }
+
+    /// Against PROJ 9 (`pyproj`, `Proj(crs).get_factors(longitude, latitude).meridian_convergence`).
+    #[test]
+    fn grid_convergence_is_that_of_proj() {
+        for (crs, latitude, longitude, convergence) in PROJ {
+            let north = true_north_deg(crs, latitude, longitude).unwrap();
+            assert!((north + convergence).abs() < 3e-4, "{crs} at {latitude} {longitude}: {north}");
+        }
+        assert_eq!(true_north_deg(28992, 52.156_160_555_555_55, 5.387_638_888_888_889), Some(-0.0));
+        assert_eq!(true_north_deg(3035, 47.0, 8.0), None);
+    }
+
+    const PROJ: [(u32, f64, f64, f64); 26] = [
+        (2056, 47.4, 8.55, 0.81148),
+        (2056, 46.2, 6.1, -0.97899),
+        (21781, 46.8, 10.3, 2.08995),
+        (28992, 51.9062, 4.4593, -0.73186),
+        (28992, 53.2, 6.6, 0.96417),
+        (28992, 50.85, 5.7, 0.24448),
+        (32632, 47.4, 8.55, -0.33125),
+        (32633, 48.2, 16.4, 1.04376),
+        (25832, 52.5, 6.6, -1.90446),
+        (32733, -33.9, 18.4, -1.89789),
+        (31467, 48.8, 9.2, 0.15048),
+        (31256, 48.2, 16.37, 0.02733),
+        (27700, 51.5, -0.1, 1.48717),
+        (27700, 57.0, -6.0, -3.35631),
+        (2154, 45.8, 4.8, 1.30609),
+        (2157, 53.3, -6.3, 1.36316),
+        (3006, 59.3, 18.0, 2.58017),
+        (3067, 60.2, 25.0, -1.73571),
+        (2180, 52.2, 21.0, 1.58055),
+        (3794, 46.05, 14.5, -0.35998),
+        (3765, 45.8, 16.0, -0.35846),
+        (4647, 53.5, 10.0, 0.80389),
+        (5555, 50.0, 8.0, -0.76608),
+        (26918, 40.7, -74.0, 0.65214),
+        (3045, 48.2, 16.4, 1.04376),
+        (31258, 47.0, 15.4, 1.51177),
+    ];
 
     #[test]
     fn names_of_reference_systems() {

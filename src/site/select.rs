@@ -3,8 +3,10 @@ use std::fmt::Write;
 
 use glam::DVec3;
 
+use super::clip::Region;
 use super::draft::{Draft, Shape, Surface};
-use super::{Error, PvSpec, PvSurface, Select};
+use super::placement::Placement;
+use super::{Coordinates, Error, PvSpec, PvSurface, Select};
 use crate::base::limits;
 
 /// A normal's vertical component below which a front looks down.
@@ -38,6 +40,36 @@ pub(super) struct Candidate {
     /// Its triangles.
     pub first_triangle: u32,
     pub triangles: u32,
+    /// The entry within whose polygon it lies; faces are cut at polygons.
+    pub part: Option<usize>,
+}
+
+/// The polygon of an entry.
+pub(super) struct Cut<'a> {
+    /// Index of the entry.
+    pub entry: usize,
+    pub matcher: Matcher<'a>,
+    pub region: Region,
+}
+
+/// The polygons of entries that have one.
+pub(super) fn cuts<'a>(
+    draft: &'a Draft,
+    entries: &'a [PvSpec],
+    placement: &Placement,
+) -> Result<Vec<Cut<'a>>, Error> {
+    let mut out = Vec::new();
+    for (number, entry) in entries.iter().enumerate() {
+        let Some(polygon) = &entry.select.polygon else { continue };
+        let points = polygon.len();
+        let wrong = || Error::Polygon { entry: entry.name.clone(), points };
+        let region = (points <= limits::MAX_POLYGON_VERTICES)
+            .then(|| placement.region(polygon, entry.select.coordinates))
+            .flatten()
+            .ok_or_else(wrong)?;
+        out.push(Cut { entry: number, matcher: Matcher::new(draft, &entry.select), region });
+    }
+    Ok(out)
 }
 
 /// The PV surfaces that the entries select, in the order of entries and faces; sets `pv` on none of
@@ -52,8 +84,11 @@ pub(super) fn select(
     for (e, entry) in entries.iter().enumerate() {
         check(entry)?;
         let matcher = Matcher::new(draft, &entry.select);
-        let chosen: Vec<usize> =
-            (0..candidates.len()).filter(|&i| matcher.takes(&candidates[i])).collect();
+        let takes = |c: &Candidate| match entry.select.polygon {
+            Some(_) => c.part == Some(e),
+            None => matcher.takes(c.surface, c.normal),
+        };
+        let chosen: Vec<usize> = (0..candidates.len()).filter(|&i| takes(&candidates[i])).collect();
         if chosen.is_empty() {
             return Err(Error::NothingSelected {
                 entry: entry.name.clone(),
@@ -153,7 +188,7 @@ fn describe(draft: &Draft, c: &Candidate) -> String {
     format!("{} `{}`{line}, {:.2} m2", object.kind, object.id, c.area_m2)
 }
 
-struct Matcher<'a> {
+pub(super) struct Matcher<'a> {
     draft: &'a Draft,
     select: &'a Select,
     /// The object and its parts.
@@ -166,13 +201,14 @@ impl<'a> Matcher<'a> {
         Self { draft, select, ids }
     }
 
-    fn takes(&self, c: &Candidate) -> bool {
-        self.named(c) && self.oriented(c)
+    /// Whether it takes a surface with this normal, wherever it lies.
+    pub fn takes(&self, surface: u32, normal: DVec3) -> bool {
+        self.named(surface) && self.oriented(normal)
     }
 
     /// The conditions on names.
-    fn named(&self, c: &Candidate) -> bool {
-        let surface = &self.draft.surfaces[c.surface as usize];
+    fn named(&self, surface: u32) -> bool {
+        let surface = &self.draft.surfaces[surface as usize];
         let object = &self.draft.objects[surface.object as usize];
         let is = |wanted: &Option<String>, name: Option<&str>| {
             wanted.as_deref().is_none_or(|w| name == Some(w))
@@ -184,16 +220,16 @@ impl<'a> Matcher<'a> {
     }
 
     /// The conditions on the normal.
-    fn oriented(&self, c: &Candidate) -> bool {
+    fn oriented(&self, normal: DVec3) -> bool {
         let s = self.select;
         if s.min_tilt_deg.is_none() && s.max_tilt_deg.is_none() && s.azimuth_deg.is_none() {
             return true;
         }
-        let tilt = tilt_deg(c.normal);
+        let tilt = tilt_deg(normal);
         s.min_tilt_deg.is_none_or(|least| tilt >= least)
             && s.max_tilt_deg.is_none_or(|most| tilt <= most)
             && s.azimuth_deg
-                .is_none_or(|range| azimuth_deg(c.normal).is_some_and(|a| within(a, range)))
+                .is_none_or(|range| azimuth_deg(normal).is_some_and(|a| within(a, range)))
     }
 }
 
@@ -247,9 +283,14 @@ fn alternatives(matcher: &Matcher<'_>, candidates: &[Candidate]) -> String {
 }
 
 fn combination(matcher: &Matcher<'_>, candidates: &[Candidate]) -> String {
-    let named: Vec<&Candidate> = candidates.iter().filter(|c| matcher.named(c)).collect();
+    let named: Vec<&Candidate> = candidates.iter().filter(|c| matcher.named(c.surface)).collect();
     if named.is_empty() {
         return "each name is there, but no face has all of them: leave one out".to_owned();
+    }
+    if let Some(polygon) = &matcher.select.polygon
+        && named.iter().any(|c| matcher.oriented(c.normal))
+    {
+        return beside(polygon, matcher.select.coordinates);
     }
     let mut faces: Vec<String> = Vec::new();
     let mut sorted = named.clone();
@@ -267,6 +308,27 @@ fn combination(matcher: &Matcher<'_>, candidates: &[Candidate]) -> String {
         "{} faces have the names, but not the tilt or azimuth; theirs are, largest first: {}",
         named.len(),
         with_rest(&faces, named.len())
+    )
+}
+
+/// What to say where all conditions but the polygon are fulfilled.
+fn beside(polygon: &[[f64; 2]], coordinates: Coordinates) -> String {
+    let range = |k: usize| {
+        let values = || polygon.iter().map(|p| p[k]);
+        let (low, high) =
+            (values().fold(f64::INFINITY, f64::min), values().fold(f64::NEG_INFINITY, f64::max));
+        format!("{low} to {high}")
+    };
+    let hint = match coordinates {
+        Coordinates::Local => {
+            "it counts from the local origin; add coordinates = \"map\" where it holds map coordinates"
+        }
+        Coordinates::Map => "compare it with the extent that `glintmap check` prints",
+    };
+    format!(
+        "faces have the names and directions, but none lies in the polygon (x {}, y {}): {hint}",
+        range(0),
+        range(1)
     )
 }
 
@@ -356,6 +418,7 @@ fn spelt(select: &Select) -> String {
     let tilts = [("min_tilt_deg", select.min_tilt_deg), ("max_tilt_deg", select.max_tilt_deg)];
     out.extend(tilts.iter().filter_map(|(key, v)| v.map(|v| format!("{key} = {v}"))));
     out.extend(select.azimuth_deg.map(|[a, b]| format!("azimuth_deg = [{a}, {b}]")));
+    out.extend(select.polygon.as_ref().map(|p| format!("polygon = {} points", p.len())));
     format!("{{ {} }}", out.join(", "))
 }
 

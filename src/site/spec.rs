@@ -1,6 +1,8 @@
+use std::collections::BTreeMap;
 use std::path::PathBuf;
 
 use glam::DVec3;
+use serde::{Deserialize, Serialize};
 
 /// What to read, and where it lies: `[scene]` of the project file.
 #[derive(Clone, Debug, PartialEq)]
@@ -16,6 +18,14 @@ pub struct SceneSpec {
     /// True north in the files' coordinates, clockwise from the y axis, degrees. The scene is
     /// turned about the local origin so that afterwards +y is true north.
     pub north_deg: f64,
+    /// Where `north_deg` isn't stated: latitude and longitude of the site, degrees, for which the
+    /// map's projection says where true north lies.
+    pub convergence_at: Option<[f64; 2]>,
+    /// Diffuse reflectance by the name of a material; surfaces of city models have one named after
+    /// what they are (`RoofSurface`).
+    pub reflectance: BTreeMap<String, f64>,
+    /// PV that no file has: its `[[pv]]` entry's name and where it stands.
+    pub arrays: Vec<(String, PvArray)>,
     /// Which map coordinates become the local origin.
     pub origin: Origin,
 }
@@ -29,6 +39,9 @@ impl SceneSpec {
             lod: None,
             crs: None,
             north_deg: 0.0,
+            convergence_at: None,
+            reflectance: BTreeMap::new(),
+            arrays: Vec::new(),
             origin: Origin::Auto,
         }
     }
@@ -74,8 +87,47 @@ pub struct PvSpec {
     pub two_sided: bool,
 }
 
+/// PV on a flat roof or a field, where no panels are modelled: rows of modules.
+#[derive(Clone, Debug, PartialEq, Deserialize, Serialize)]
+#[serde(deny_unknown_fields)]
+pub struct PvArray {
+    /// Outline seen from above, `[[x, y], …]`, m. Rows are cut at it.
+    pub polygon: Vec<[f64; 2]>,
+    /// Whether outline and height are local (the default) or the map's.
+    #[serde(default, skip_serializing_if = "Coordinates::is_local")]
+    pub coordinates: Coordinates,
+    /// Angle between the modules' normal and the vertical, degrees.
+    pub tilt_deg: f64,
+    /// Compass direction that they face, degrees clockwise from true north.
+    pub azimuth_deg: f64,
+    /// Height of the rows' lower edge, m; in the same coordinates as the outline.
+    pub height_m: f64,
+    /// From the front of a row to the front of the next, seen from above, m.
+    pub row_pitch_m: f64,
+    /// Length of a row's modules along the slope, m.
+    pub module_m: f64,
+}
+
+/// What points of the project are in.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize, Serialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Coordinates {
+    /// Metres from the local origin, y to true north.
+    #[default]
+    Local,
+    /// The map's.
+    Map,
+}
+
+impl Coordinates {
+    fn is_local(&self) -> bool {
+        *self == Self::Local
+    }
+}
+
 /// Conditions on a face; all that are given must match.
-#[derive(Clone, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq, Deserialize, Serialize)]
+#[serde(deny_unknown_fields)]
 pub struct Select {
     /// Radiance: the modifier that the surface names.
     pub modifier: Option<String>,
@@ -92,6 +144,24 @@ pub struct Select {
     /// Compass direction that the front faces, clockwise from north, from the first to the second
     /// value (`[315, 45]` is the north); horizontal faces have none and don't match.
     pub azimuth_deg: Option<[f64; 2]>,
+    /// Drawn from above, `[[x, y], …]`, m: faces are cut at it, and what lies within is taken.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub polygon: Option<Vec<[f64; 2]>>,
+    /// Whether the polygon is local (the default) or the map's.
+    #[serde(default, skip_serializing_if = "Coordinates::is_local")]
+    pub coordinates: Coordinates,
+}
+
+impl PvSpec {
+    /// The entry of an array: what [`SceneSpec::arrays`] adds under its name.
+    pub fn of_array(name: &str, two_sided: bool) -> Self {
+        let select = Select {
+            object: Some(name.to_owned()),
+            surface: Some(super::array::KIND.to_owned()),
+            ..Select::default()
+        };
+        Self { name: name.to_owned(), select, two_sided }
+    }
 }
 
 impl Select {

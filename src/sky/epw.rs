@@ -2,7 +2,7 @@ use std::path::Path;
 use std::sync::Arc;
 
 use super::calendar::parse_day;
-use super::{Error, Place};
+use super::{Error, Place, date_of_day};
 
 /// Bytes of a weather file: a leap year of minutes has some 200 MB.
 const MOST_BYTES: u64 = 512 << 20;
@@ -13,8 +13,11 @@ const FARTHEST_DEG: f64 = 2.0;
 
 /// Direct normal irradiance of a year from an EnergyPlus weather file (EPW; Auxiliary Programs,
 /// "EnergyPlus Weather File Data Dictionary"). A record of hour H holds the mean over the hour
-/// that *ends* at H o'clock of local standard time. PVGIS writes instants instead and says so in a
-/// comment; they are taken as means all the same.
+/// that *ends* at H o'clock of local standard time.
+///
+/// PVGIS writes instants instead and says so in a comment, `Irradiance Time Offset (h):-0.8239`:
+/// record H holds the instant H - 0.8239 of **UTC**, whatever the time zone in the header (its
+/// files are dark at night under no other reading: a test holds that).
 #[derive(Clone, Debug, PartialEq, serde::Serialize)]
 pub struct Weather {
     /// The station, as the file calls it.
@@ -29,6 +32,9 @@ pub struct Weather {
     pub elevation_m: f64,
     /// Records an hour.
     pub per_hour: usize,
+    /// Where records are instants: their time, in hours of UTC after the hour they name.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub instant_offset_h: Option<f64>,
     /// W/m2 by day of a leap year, hour and record; NaN where the file has none.
     #[serde(skip)]
     direct_w_m2: Arc<Vec<f32>>,
@@ -83,10 +89,20 @@ impl Weather {
             zone_h: number(8, "time zone", 14.0)?,
             elevation_m: number(9, "elevation", 9000.0)?,
             per_hour: 1,
+            instant_offset_h: None,
             direct_w_m2: Arc::default(),
         };
         let mut begun = false;
         for (line, row) in lines.by_ref() {
+            if let Some((_, offset)) = row.split_once("Irradiance Time Offset (h):")
+                && row.starts_with("COMMENTS")
+            {
+                let offset = offset.trim().trim_matches('"');
+                weather.instant_offset_h =
+                    Some(offset.parse().ok().filter(|h: &f64| h.abs() <= 2.0).ok_or_else(
+                        || wrong(path, line, "Irradiance Time Offset", "-2 to 2 hours", offset),
+                    )?);
+            }
             if !row.starts_with("DATA PERIODS") {
                 if line > 60 {
                     break;
@@ -104,6 +120,10 @@ impl Weather {
         if !begun {
             return Err(wrong(path, 1, "header", "a line DATA PERIODS", "none"));
         }
+        if weather.instant_offset_h.is_some() && weather.per_hour != 1 {
+            let found = format!("{} an hour", weather.per_hour);
+            return Err(wrong(path, 1, "records", "one an hour where they are instants", &found));
+        }
         let mut table = vec![f32::NAN; 366 * 24 * weather.per_hour];
         let mut rows = 0_usize;
         for (line, row) in lines.filter(|(_, row)| !row.trim().is_empty()) {
@@ -112,6 +132,15 @@ impl Weather {
         }
         if rows == 0 {
             return Err(wrong(path, 1, "data", "at least one record", "none"));
+        }
+        let day = 24 * weather.per_hour;
+        for (at, values) in table.chunks_exact(day).enumerate() {
+            let lost = values.iter().filter(|v| v.is_nan()).count();
+            if lost > 0 && lost < day {
+                let (month, of_month) = date_of_day(2000, at as u32);
+                let found = format!("{} of {month:02}-{of_month:02}", day - lost);
+                return Err(wrong(path, 0, "records", &format!("{day} a day"), &found));
+            }
         }
         weather.direct_w_m2 = Arc::new(table);
         Ok(weather)
@@ -164,7 +193,12 @@ impl Weather {
             0
         } else {
             // Records carry the minute at which they end; some files write 0 for the last one.
-            let nth = (minute * self.per_hour as f64 / 60.0).round() as usize;
+            let exact = minute * self.per_hour as f64 / 60.0;
+            let nth = exact.round() as usize;
+            if (exact - exact.round()).abs() > 0.02 {
+                let expected = format!("the end of a record, {} an hour", self.per_hour);
+                return Err(wrong(path, line, "minute", &expected, fields[4]));
+            }
             if nth == 0 { self.per_hour - 1 } else { nth - 1 }
         };
         let value = &mut table[start + slot.min(self.per_hour - 1)];
@@ -184,7 +218,9 @@ impl Weather {
         let off = |what: &'static str, site: f64, file: f64| {
             Err(Error::WeatherPlace { what, site, file, station: self.station.clone() })
         };
-        if (self.zone_h * 15.0 - place.meridian_deg).abs() > 0.01 {
+        // Instants are UTC's.
+        let zoned = self.instant_offset_h.is_none();
+        if zoned && (self.zone_h * 15.0 - place.meridian_deg).abs() > 0.01 {
             return off("meridian of the standard time", place.meridian_deg, self.zone_h * 15.0);
         }
         if (self.latitude_deg - place.latitude_deg).abs() > FARTHEST_DEG {

@@ -1,3 +1,5 @@
+use std::path::PathBuf;
+
 use crate::base::FaultKind;
 
 /// Why times, places or suns can't be used. All of them are mistakes of an input.
@@ -146,6 +148,24 @@ pub enum Error {
         /// What was given.
         found: String,
     },
+    /// A far horizon that can't be.
+    #[error(
+        "far horizon: expected 1 to 36,000 pairs of azimuth (-360 to 360, clockwise from north) and altitude (-90 to 90) in degrees, each azimuth once, found {found}"
+    )]
+    Horizon {
+        /// What was given.
+        found: String,
+    },
+    /// A file of a far horizon that can't be read.
+    #[error("{}{}: expected a text with an azimuth and an altitude in degrees on each line, found {found}", path.display(), at(*line))]
+    HorizonFile {
+        /// The file.
+        path: PathBuf,
+        /// From 1; 0 where it is about no single line.
+        line: usize,
+        /// What is there.
+        found: String,
+    },
 }
 
 impl Error {
@@ -153,4 +173,8 @@ impl Error {
     pub fn kind(&self) -> FaultKind {
         FaultKind::Input
     }
+}
+
+fn at(line: usize) -> String {
+    if line == 0 { String::new() } else { format!(":{line}") }
 }

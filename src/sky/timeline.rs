@@ -1,5 +1,5 @@
 use super::{Error, Irradiance, Place, TimeSpec, altitude_azimuth_deg, clear_sky, gensky};
-use super::{Weather, date_of_day, sun_direction};
+use super::{Weather, date_of_day, days_in_year, sun_direction};
 use crate::base::{SpectralBasis, Timeline, Timestep, limits};
 
 /// The timesteps of a run: all instants of the ranges whose sun stands above the horizon
@@ -106,6 +106,15 @@ const INSTANTS: u32 = 12;
 /// What no direct sun exceeds: a record that holds more than its minutes of sun allow isn't kept.
 const STRONGEST_W_M2: f64 = 1400.0;
 
+/// No air is clearer than this share of the clear sky's strength.
+const MOST_CLEAR: f64 = 2.0;
+
+/// A day some days later, the year's end joined to its beginning.
+fn wrapped(year: i32, day: u32, later: i32) -> u32 {
+    let length = days_in_year(year) as i32;
+    (day as i32 + later).rem_euclid(length) as u32
+}
+
 impl Strength<'_> {
     fn clear_w_m2(&self, day: u32, sun: glam::DVec3) -> f64 {
         if sun.z <= 0.0 {
@@ -115,7 +124,40 @@ impl Strength<'_> {
         clear_sky::direct_normal_w_m2(altitude_deg, self.place.elevation_m, clear_sky::LINKE, day)
     }
 
+    /// Where records are instants: between two of them the clearness (the share of the clear sky's
+    /// strength) is interpolated. An instant at night says nothing; the other one then counts.
+    fn between(&self, day: u32, hour: f64, sun: glam::DVec3, offset_h: f64) -> Result<f64, Error> {
+        let (model, year) = (self.spec.sun, self.spec.year);
+        let ahead_h = self.place.meridian_deg / 15.0;
+        // Records name hours from 1 to 24 of UTC's days.
+        let at = hour - ahead_h - offset_h - 1.0;
+        let before = at.floor();
+        let clearness = |record: f64| {
+            let local_h = record + 1.0 + offset_h + ahead_h;
+            // The sun of the instant; a day's change at the year's end doesn't matter.
+            let clear = self.clear_w_m2(day, sun_direction(self.place, model, year, day, local_h));
+            let days = (record / 24.0).floor();
+            let (month, of_month) = date_of_day(year, wrapped(year, day, days as i32));
+            let hour = record - 24.0 * days;
+            let slot = self.weather.slot(month, of_month, hour).ok_or_else(|| {
+                let station = self.weather.station.clone();
+                Error::WeatherGap { station, month, day: of_month, hour }
+            })?;
+            let least = 0.02 * STRONGEST_W_M2;
+            Ok((clear > least).then(|| (self.weather.mean_w_m2(slot) / clear).min(MOST_CLEAR)))
+        };
+        let share = match (clearness(before)?, clearness(before + 1.0)?) {
+            (Some(a), Some(b)) => a + (b - a) * (at - before),
+            (Some(only), None) | (None, Some(only)) => only,
+            (None, None) => 0.0,
+        };
+        Ok((share * self.clear_w_m2(day, sun)).min(STRONGEST_W_M2))
+    }
+
     fn at(&mut self, day: u32, hour: f64, sun: glam::DVec3) -> Result<f64, Error> {
+        if let Some(offset_h) = self.weather.instant_offset_h {
+            return self.between(day, hour, sun, offset_h);
+        }
         let (month, of_month) = date_of_day(self.spec.year, day);
         let slot = self.weather.slot(month, of_month, hour).ok_or_else(|| Error::WeatherGap {
             station: self.weather.station.clone(),

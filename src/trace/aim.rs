@@ -5,7 +5,7 @@ use glam::DVec3;
 
 use super::emitter::{Emitter, Pieces};
 use super::horizon::Horizon;
-use crate::site::bsdf::{Cone, Lobe, Square};
+use crate::site::bsdf::{Cone, Chart, Square};
 
 /// Squares that an emitter's lobes are cut into for one sun, at most.
 const MOST_SQUARES: usize = 1024;
@@ -82,7 +82,7 @@ impl Ord for Open {
 #[derive(Debug, Default)]
 pub(super) struct Ground {
     targets: Vec<Target>,
-    lobes: Vec<Lobe>,
+    lobes: Vec<Chart>,
 }
 
 /// Light along the normal: that which [`Ground`] is cut for.
@@ -97,7 +97,7 @@ impl Ground {
     pub(super) fn of(emitter: &Emitter, horizon: Option<&Horizon>, budget: usize) -> Self {
         let Some(horizon) = horizon.filter(|_| budget > 0) else { return Self::default() };
         let from = upright();
-        let all = emitter.bsdf.lobes().iter().copied();
+        let all = emitter.bsdf.charts().iter().copied();
         let lobes: Vec<_> = all.filter(|&l| emitter.bsdf.scale(l, &from).is_some()).collect();
         let budget = (GROUND_SQUARES * budget).min(MOST_GROUND);
         Self { targets: cut(emitter, horizon, &from, &lobes, budget), lobes }
@@ -115,20 +115,20 @@ pub(super) fn targets(
     from: &Cone,
     budget: usize,
 ) -> Vec<Target> {
-    let square = Square::whole(Lobe::Whole);
+    let square = Square::whole(Chart::Whole);
     let most = emitter.bsdf.most(square, from);
     let whole = Target { square, most, pieces: emitter.all(), share: 1.0 };
     if most <= 0.0 {
         return Vec::new();
     }
     let Some(horizon) = horizon.filter(|_| budget > 0) else { return vec![whole] };
-    let lobes = emitter.bsdf.lobes().iter().copied();
+    let lobes = emitter.bsdf.charts().iter().copied();
     let lobes: Vec<_> = lobes.filter(|l| !ground.lobes.contains(l)).collect();
     let mut out = cut(emitter, horizon, from, &lobes, budget);
     for &lobe in &ground.lobes {
         let scale = |from: &Cone| emitter.bsdf.scale(lobe, from).unwrap_or(0.0);
         let factor = scale(from) / scale(&upright());
-        let of_lobe = ground.targets.iter().filter(|t| t.square.lobe == lobe);
+        let of_lobe = ground.targets.iter().filter(|t| t.square.chart == lobe);
         out.extend(of_lobe.map(|t| Target { most: t.most * factor, ..*t }));
     }
     // A rugged lobe has squares that promise more than it has in all.
@@ -141,7 +141,7 @@ fn cut(
     emitter: &Emitter,
     horizon: &Horizon,
     from: &Cone,
-    lobes: &[Lobe],
+    lobes: &[Chart],
     budget: usize,
 ) -> Vec<Target> {
     let look = |square: Square| look(emitter, horizon, from, square);

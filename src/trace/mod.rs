@@ -1,7 +1,7 @@
 //! From the sun to the place where a photon lands.
 //!
 //! Only the PV emits, and only what may land. The BSDF is drawn from a unit square for each of its
-//! lobes ([`Lobe`]); for each sun and PV surface these are cut into smaller squares, those with the
+//! lobes ([`Chart`]); for each sun and PV surface these are cut into smaller squares, those with the
 //! largest waste first, and a square is kept only for those pieces of the surface from which a cone
 //! that holds all its directions, for all of the sun's disc, doesn't clear the horizon: a
 //! conservative one, for each piece and compass direction, of what lies within the path limit. So
@@ -20,7 +20,7 @@
 //! asked.
 //!
 //! [`Fate::NotSampled`]: crate::base::Fate::NotSampled
-//! [`Lobe`]: crate::site::bsdf::Lobe
+//! [`Chart`]: crate::site::bsdf::Chart
 
 mod aim;
 mod batch;

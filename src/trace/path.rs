@@ -248,7 +248,7 @@ impl<'a> Tracer<'a> {
             back: emitter.frame.z.dot(pv.normal) < 0.0,
             incidence_deg: libm::acos(emitter.frame.z.dot(path.to_sun).clamp(-1.0, 1.0))
                 .to_degrees(),
-            lobe: lobe(target.square.lobe),
+            lobe: lobe(target.square.chart),
             lobe_share: target.square.area(),
             area_share: target.share,
             weight: path.weight,
@@ -310,7 +310,7 @@ mod tests {
 
     use super::*;
     use crate::base::{Aabb, SpectralBasis, Timeline, Timestep};
-    use crate::site::bsdf::{Bsdf, Lobe, Model, Square, on_circle};
+    use crate::site::bsdf::{Bsdf, Chart, Model, Square, on_circle};
     use crate::site::{Bvh, Face, Material, Object, PvSurface, Site, Triangle};
     use crate::trace::Settings;
 
@@ -537,7 +537,7 @@ mod tests {
                     let (u, v) = (random.uniform(), random.uniform());
                     let to_sun = tracer.disc.direction(&shares.sun, u, v);
                     let incident = emitter.frame.local_from_world(to_sun);
-                    let lobes = bsdf.lobes();
+                    let lobes = bsdf.charts();
                     let lobe = lobes[(i / 5) as usize % lobes.len()];
                     // A square as fine as any target.
                     const FINE: u8 = 12;
@@ -559,13 +559,13 @@ mod tests {
                         let up = FINE - square.level;
                         aim.emitter == number
                             && aim.target.pieces >> piece & 1 != 0
-                            && (square.lobe == Lobe::Whole
-                                || (square.lobe, square.x, square.y) == (lobe, x >> up, y >> up))
+                            && (square.chart == Chart::Whole
+                                || (square.chart, square.x, square.y) == (lobe, x >> up, y >> up))
                     });
                     if let Some(aim) = held {
                         kept += 1;
                         let pointwise =
-                            !matches!(aim.target.square.lobe, Lobe::Whole | Lobe::Cells);
+                            !matches!(aim.target.square.chart, Chart::Whole | Chart::Cells);
                         over += u32::from(pointwise && density * incident.z > aim.target.most);
                         continue;
                     }

@@ -3,7 +3,7 @@ use serde::Serialize;
 use super::path::{Draw, Tracer};
 use super::{Error, Plan};
 use crate::base::{Fate, Purpose};
-use crate::site::bsdf::Lobe;
+use crate::site::bsdf::Chart;
 
 /// One photon's path, retold.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -60,13 +60,13 @@ pub(super) fn word(fate: Fate) -> &'static str {
     }
 }
 
-pub(super) fn lobe(lobe: Lobe) -> &'static str {
-    match lobe {
-        Lobe::Whole => "whole",
-        Lobe::Mirrored => "mirrored",
-        Lobe::Hemisphere => "hemisphere",
-        Lobe::Cells => "cells",
-        Lobe::Facets => "facets",
+pub(super) fn lobe(chart: Chart) -> &'static str {
+    match chart {
+        Chart::Whole => "whole",
+        Chart::Mirrored => "mirrored",
+        Chart::Hemisphere => "hemisphere",
+        Chart::Cells => "cells",
+        Chart::Facets => "facets",
     }
 }
 

@@ -15,7 +15,7 @@ use crate::base::TileRect;
 use crate::base::limits::TILE_EDGE;
 
 /// Memory that the indexes of all shards together take, unless told.
-const INDEX_CACHE_BYTES: usize = 32 << 20;
+const INDEX_CACHE_BYTES: usize = 8 << 20;
 
 /// A time series of pictures, `[timestep, row, column]`, W/m2: a volume of ours (Zarr) or an
 /// `.npy` file of little-endian float32 in C order.

@@ -1,5 +1,6 @@
 //! The program as its users start it.
 
+mod bsdf;
 mod commands;
 mod folder;
 mod real_site;

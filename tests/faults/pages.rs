@@ -120,6 +120,51 @@ fn every_flipped_bit_is_found_and_named() {
 }
 
 #[test]
+fn a_bit_flipped_anywhere_is_found_and_named_with_page_and_byte() {
+    use std::os::unix::fs::FileExt;
+    let dir = tempfile::tempdir().expect("a folder");
+    let path = store(dir.path());
+    let sound = std::fs::read(&path).expect("reads");
+    let [_, pages, directory, end] = parts(&sound);
+    let (facts, _): (serde_json::Value, usize) =
+        header::read(&mut &sound[..], gmp::NAME, gmp::VERSION).expect("reads");
+    let count = |name: &str| facts["layout"][name].as_u64().expect("a number");
+    let (_, entries) =
+        gmp::decode_directory(&sound[directory..], count("nodes"), count("pages")).expect("reads");
+    let broken = dir.path().join("broken.gmp");
+    std::fs::write(&broken, &sound).expect("writes");
+    let file = std::fs::OpenOptions::new().write(true).open(&broken).expect("opens");
+    let mut random = Stream::new(2, Purpose::Survey, 0);
+    let mut within = |from: usize, to: usize| {
+        let at = from + (random.uniform() * (to - from) as f64) as usize;
+        (at, 1u8 << (random.bits() % 8))
+    };
+    // Anywhere in the file, and as often in the parts that are small.
+    let mut places: Vec<(usize, u8)> = (0..200).map(|_| within(80, end)).collect();
+    places.extend((0..60).map(|_| within(80, pages)));
+    places.extend((0..60).map(|_| within(directory, end)));
+    for (at, bit) in places {
+        file.write_all_at(&[sound[at] ^ bit], at as u64).expect("writes");
+        let findings = pages::verify(&broken).expect("verifies").join("; ");
+        let (place, byte) = match at {
+            at if at < pages => ("header".to_owned(), None),
+            at if at >= directory => ("directory".to_owned(), Some(directory)),
+            _ => {
+                let offset = (at - pages) as u64;
+                let number = entries.partition_point(|e| e.offset <= offset) - 1;
+                let named = format!("page {number} of {}", entries.len());
+                (named, Some(pages + entries[number].offset as usize))
+            }
+        };
+        assert!(findings.contains(&place), "byte {at}, {place}: {findings}");
+        let byte = byte.map_or(String::new(), |byte| format!("byte {byte}"));
+        assert!(findings.contains(&byte), "byte {at}, {byte}: {findings}");
+        file.write_all_at(&[sound[at]], at as u64).expect("writes");
+    }
+    assert!(pages::verify(&broken).expect("verifies").is_empty());
+}
+
+#[test]
 fn a_store_cut_short_or_too_long_is_refused() {
     let dir = tempfile::tempdir().expect("a folder");
     let path = store(dir.path());
@@ -338,6 +383,13 @@ fn the_command_line_looks_and_judges() {
     assert_eq!(words[..2], ["0", "200"]);
     assert!((words[2].parse::<f64>().expect("a number") / flux_w - 1.0).abs() < 1e-4);
 
+    let output = glintmap(&["inspect", "--per-surface"], &path);
+    let csv = text(&output.stdout);
+    let lines: Vec<&str> = csv.lines().collect();
+    assert_eq!((lines.len(), lines[0]), (4, "surface,photons,flux_w"));
+    assert!(lines[1].starts_with("\"a\",6667,"), "{csv}");
+    cloud_and_page(&path);
+
     let output = glintmap(&["verify"], &path);
     assert!(output.status.success() && text(&output.stdout).contains("sound"));
 
@@ -356,4 +408,48 @@ fn the_command_line_looks_and_judges() {
     let output = glintmap(&["verify"], &broken);
     assert_eq!(output.status.code(), Some(2));
     assert!(text(&output.stderr).contains("something else"));
+}
+
+/// One page in full, and a sample as a point cloud, read back byte by byte.
+fn cloud_and_page(path: &Path) {
+    let store = Store::open(path, &options(Access::Mapped)).expect("opens");
+    let mut all = Vec::new();
+    store.scan(|_, p| all.push(*p)).expect("scans");
+
+    let output = glintmap(&["inspect", "--page", "1"], path);
+    let csv = String::from_utf8(output.stdout).expect("text");
+    let mut lines = csv.lines();
+    let columns = lines.next().expect("a head").split(',').count();
+    let rows: Vec<Vec<f64>> =
+        lines.map(|l| l.split(',').map(|w| w.parse().expect("a number")).collect()).collect();
+    assert!(columns == 13 && rows.len() > 1000, "{columns} columns, {} rows", rows.len());
+    for row in &rows {
+        let p = &all[row[0] as usize];
+        assert_eq!(Vec3::new(row[1] as f32, row[2] as f32, row[3] as f32), p.position);
+        assert_eq!(
+            (row[10] as f32, row[11] as u32, row[12] as u16),
+            (p.flux_w, p.timestep, p.surface)
+        );
+    }
+    let output = glintmap(&["inspect", "--page", "99"], path);
+    assert_eq!(output.status.code(), Some(2));
+
+    let cloud = path.with_file_name("sample.ply");
+    let name = cloud.to_str().expect("a plain path");
+    let output = glintmap(&["inspect", "--ply", name, "--sample", "777", "--json"], path);
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    let bytes = std::fs::read(&cloud).expect("reads");
+    let end = bytes.windows(11).position(|w| w == b"end_header\n").expect("a head") + 11;
+    let head = String::from_utf8_lossy(&bytes[..end]);
+    assert!(head.starts_with("ply\nformat binary_little_endian 1.0\n"), "{head}");
+    assert!(head.contains("element vertex 777\n"), "{head}");
+    assert_eq!(bytes.len() - end, 777 * 34);
+    for (i, point) in bytes[end..].chunks_exact(34).enumerate() {
+        let p = &all[i * all.len() / 777];
+        let float = |at: usize| f32::from_le_bytes(point[at..at + 4].try_into().expect("four"));
+        assert_eq!(Vec3::new(float(0), float(4), float(8)), p.position);
+        assert_eq!(Vec3::new(float(12), float(16), float(20)), p.normal);
+        assert_eq!((float(24), float(28).to_bits()), (p.flux_w, p.timestep));
+        assert_eq!(point[32..], p.surface.to_le_bytes());
+    }
 }

@@ -1,7 +1,10 @@
 //! The streaming glare analysis, held against SciPy (`tools/oracles/glare_reference.py`) and
 //! against a slow twin of our own.
 
+mod large;
+mod session;
 mod sparse;
+mod spill;
 mod twin;
 mod volumes;
 mod year;
@@ -11,9 +14,9 @@ use std::ops::Range;
 use std::path::Path;
 use std::process::Command;
 
-use glintmap::base::Silent;
+use glintmap::base::{Grid, Silent};
 use glintmap::glare::{
-    self, Analysis, Calendar, Connectivity, Error, Kernel, Plan, Settings, Slices,
+    self, Analysis, Calendar, Connectivity, Error, Event, Kernel, Plan, Settings, Slices,
 };
 use glintmap::picture::exr;
 use glintmap_formats::npy;
@@ -37,10 +40,38 @@ fn whole(volume: &Memory) -> Vec<Range<usize>> {
 }
 
 fn plan(batch: usize, block: usize) -> Plan {
-    Plan { batch, block, fixed_bytes: 0, events_bytes: u64::MAX }
+    Plan { batch, block, fixed_bytes: 0, events_bytes: u64::MAX, spill_bytes: 1 << 20 }
 }
 
-fn run(case: &Case, plan: Option<Plan>) -> (Analysis, Vec<f32>) {
+/// All of an analysis in memory.
+#[derive(Debug)]
+struct Found {
+    cumulative: Grid<i32>,
+    sustained: Grid<i32>,
+    longest_run: Grid<i32>,
+    days: Option<Grid<i32>>,
+    longest_day: Option<Grid<i32>>,
+    cumulative_h: Option<Grid<f32>>,
+    events: Vec<Event>,
+    nonfinite: u64,
+}
+
+impl From<Analysis> for Found {
+    fn from(analysis: Analysis) -> Self {
+        Self {
+            cumulative: analysis.cumulative,
+            sustained: analysis.sustained,
+            longest_run: analysis.longest_run,
+            days: analysis.days,
+            longest_day: analysis.longest_day,
+            cumulative_h: analysis.cumulative_h,
+            events: analysis.events.to_vec().unwrap(),
+            nonfinite: analysis.nonfinite,
+        }
+    }
+}
+
+fn run(case: &Case, plan: Option<Plan>) -> (Found, Vec<f32>) {
     let mut filtered = Vec::new();
     let mut keep = |timestep: usize, slice: &[f32]| {
         assert_eq!(timestep * slice.len(), filtered.len());
@@ -52,7 +83,7 @@ fn run(case: &Case, plan: Option<Plan>) -> (Analysis, Vec<f32>) {
     let analysis =
         glare::analyse_planned(volume, segments, settings, &plan, Some(&mut keep), &Silent)
             .unwrap_or_else(|e| panic!("{name}: {e}"));
-    (analysis, filtered)
+    (analysis.into(), filtered)
 }
 
 /// NaN are equal whatever their payload: the platform decides that.
@@ -157,7 +188,7 @@ fn words(path: &Path) -> Vec<[u8; 4]> {
 #[test]
 fn volumes_give_the_integers_and_the_bits_of_scipy() {
     let Some(python) = support::python() else { return };
-    let mut cases: Vec<Case> = (0..360).map(random_case).collect();
+    let mut cases: Vec<Case> = (0..1600).map(random_case).collect();
     cases.extend(shaped_cases());
     let folder = tempfile::tempdir().unwrap();
     write_volumes(folder.path(), &cases);
@@ -216,7 +247,7 @@ fn volumes_give_the_integers_and_the_bits_of_scipy() {
         "{} volumes, {events} events; at other sigmas than 1 {differing} voxels differ in the last bit, {skipped} volumes skipped because of them",
         cases.len()
     );
-    assert!(events > 20_000, "the volumes have become too easy: {events} events");
+    assert!(events > 90_000, "the volumes have become too easy: {events} events");
     assert!(skipped < cases.len() / 50, "{skipped} volumes were not compared");
     compare_kernels(folder.path());
 }
@@ -237,7 +268,7 @@ fn compare_kernels(folder: &Path) {
 }
 
 /// Which parts of two analyses differ; the grids themselves would fill the screen.
-fn fields(a: &Analysis, b: &Analysis) -> Vec<&'static str> {
+fn fields(a: &Found, b: &Found) -> Vec<&'static str> {
     let same = [
         ("cumulative", a.cumulative == b.cumulative),
         ("sustained", a.sustained == b.sustained),
@@ -251,7 +282,7 @@ fn fields(a: &Analysis, b: &Analysis) -> Vec<&'static str> {
     same.iter().filter(|(_, same)| !same).map(|(name, _)| *name).collect()
 }
 
-fn assert_same(found: &(Analysis, Vec<f32>), expected: &(Analysis, Vec<f32>), what: &str) {
+fn assert_same(found: &(Found, Vec<f32>), expected: &(Found, Vec<f32>), what: &str) {
     let differing = fields(&found.0, &expected.0);
     assert!(differing.is_empty(), "{differing:?} of {what}");
     let unequal = found.1.iter().zip(&expected.1).filter(|(a, b)| !same_bits(**a, **b)).count();

@@ -3,6 +3,7 @@
 mod bsdf;
 mod glare;
 mod photons;
+mod mirror;
 mod picture;
 mod scenes;
 mod sky;

@@ -9,7 +9,7 @@ use glintmap::base::{
     Grid, SeriesEntry, Silent, SinkError, SpectralBasis, TileRect, TileSink, Timeline, Timestep,
 };
 use glintmap::pages::{self, About, Access, OpenOptions, Spill, Store};
-use glintmap::render::{self, Estimator, Gather, Hit, HitKind, HitMap, Quantity};
+use glintmap::render::{self, Gather, Hit, HitKind, HitMap, Quantity};
 use glintmap::site::bsdf::{Bsdf, Model};
 use glintmap::site::{Face, Material, Object, PvSurface, Site, Triangle};
 use glintmap::trace::{self, Emission, Receivers, Settings};
@@ -165,11 +165,10 @@ fn a_spot_inside_the_mirrored_beam_gets_dni_times_fresnel_times_cosine() {
         kind: HitKind::Receiver,
     };
     let hits = HitMap { columns: spots.len(), rows: 1, hits: spots.iter().map(hit).collect() };
-    let gather =
-        Gather { bandwidth: BANDWIDTH, max_radius_m: Some(2.0), estimator: Estimator::Photons };
+    let gather = Gather { bandwidth: BANDWIDTH, max_radius_m: Some(2.0), ..Gather::default() };
     for model in [Model::Glass { index: 1.52 }, Model::Mirror { reflectance: 0.9 }] {
         let folder = tempfile::tempdir().expect("folder");
-        let store = store(&site, &timeline, model, folder.path());
+        let store = store(&site, &timeline, model.clone(), folder.path());
         let reflectance = |cos: f64| match model {
             Model::Glass { index } => fresnel(index, cos),
             _ => 0.9,
@@ -184,7 +183,8 @@ fn a_spot_inside_the_mirrored_beam_gets_dni_times_fresnel_times_cosine() {
             .collect();
         for (quantity, factor) in [(Quantity::Surface, false), (Quantity::Normal, true)] {
             let sink = Series { width: spots.len(), values: Mutex::default() };
-            render::series(&store, &hits, &gather, quantity, &sink, &Silent).expect("renders");
+            render::series(&store, None, &hits, &gather, quantity, &sink, &Silent)
+                .expect("renders");
             let values = sink.values.into_inner().expect("not poisoned");
             for (t, step) in timeline.steps.iter().enumerate() {
                 // E_n: the same without the cosine on the wall.
@@ -206,7 +206,7 @@ fn a_spot_inside_the_mirrored_beam_gets_dni_times_fresnel_times_cosine() {
         // The year's map says the same: sum of E times hours.
         let weights: Vec<f64> = timeline.steps.iter().map(|s| s.weight_h).collect();
         let annual =
-            render::annual(&store, &hits, &weights, &gather, &Silent).expect("renders the year");
+            render::annual(&store, None, &hits, &weights, &gather, &Silent).expect("renders");
         let truth: f64 = expected.iter().zip(&weights).map(|(e, h)| e * h).sum();
         for &found in Grid::data(&annual.surface) {
             let off = f64::from(found) / truth - 1.0;

@@ -4,13 +4,13 @@ use glam::DVec3;
 use glintmap::base::{Purpose, Stream};
 use glintmap::site::bsdf::{Bsdf, Error, Model, fresnel_reflectance};
 
-fn from_degrees(theta: f64, phi: f64) -> DVec3 {
+pub(super) fn from_degrees(theta: f64, phi: f64) -> DVec3 {
     let (theta, phi) = (theta.to_radians(), phi.to_radians());
     let (sin, cos) = (libm::sin(theta), libm::cos(theta));
     DVec3::new(sin * libm::cos(phi), sin * libm::sin(phi), cos)
 }
 
-fn pv_glass(ggx_alpha: f64, cell_reflectance: f64) -> Bsdf {
+pub(super) fn pv_glass(ggx_alpha: f64, cell_reflectance: f64) -> Bsdf {
     Bsdf::from_model(&Model::PvGlass { index: 1.52, ggx_alpha, cell_reflectance }).expect("valid")
 }
 
@@ -18,10 +18,10 @@ fn lambertian(reflectance: f64) -> Bsdf {
     Bsdf::from_model(&Model::Lambertian { reflectance }).expect("valid")
 }
 
-const SAMPLES: u64 = 60_000;
+pub(super) const SAMPLES: u64 = 60_000;
 
 /// Sampled directions, the dead as `None`.
-fn draws(bsdf: &Bsdf, incident: DVec3, seed: u64) -> Vec<Option<DVec3>> {
+pub(super) fn draws(bsdf: &Bsdf, incident: DVec3, seed: u64) -> Vec<Option<DVec3>> {
     (0..SAMPLES)
         .map(|i| {
             let mut random = Stream::new(seed, Purpose::Survey, i);
@@ -35,7 +35,7 @@ fn draws(bsdf: &Bsdf, incident: DVec3, seed: u64) -> Vec<Option<DVec3>> {
 }
 
 /// Upper 0.1 % point of chi-square with `n` degrees of freedom (Wilson and Hilferty 1931).
-fn chi_square_limit(n: f64) -> f64 {
+pub(super) fn chi_square_limit(n: f64) -> f64 {
     let a = 2.0 / (9.0 * n);
     n * (1.0 - a + 3.0902 * a.sqrt()).powi(3)
 }
@@ -63,7 +63,7 @@ fn gauss(interval: &[f64], panels: u32) -> Vec<(f64, f64)> {
 
 /// Chi-square of drawn directions against `evaluate() * cos / bound` integrated over bins of
 /// (cos theta, phi). The bins follow the quantiles of other draws, so that they resolve the lobe.
-fn sampling_error(bsdf: &Bsdf, degrees: f64) -> (f64, f64) {
+pub(super) fn sampling_error(bsdf: &Bsdf, degrees: f64) -> (f64, f64) {
     // So that the lobe lies around azimuth 0, in the middle of the columns.
     let incident = from_degrees(degrees, 180.0);
     let cos_phi = |d: DVec3| (d.z, libm::atan2(d.y, d.x));

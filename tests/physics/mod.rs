@@ -3,6 +3,8 @@
 mod beam;
 mod bsdf;
 pub mod bsdf_files;
+mod bsdf_models;
+mod bsdf_write;
 mod case_study;
 mod case_study_photons;
 mod render;

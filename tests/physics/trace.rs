@@ -362,7 +362,7 @@ fn the_tally_closes_for_every_model() {
         }
     }
     for model in models {
-        let scatter = bsdf(model);
+        let scatter = bsdf(model.clone());
         let emission = Emission {
             site: &site,
             timeline: &timeline,

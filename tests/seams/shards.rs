@@ -98,7 +98,22 @@ fn a_run_killed_while_tracing_goes_on_from_its_checkpoint() {
     }
     child.kill().expect("kills");
     child.wait().expect("waits");
-    let resumed = run(&killed, &["--until", "pages"]);
+    // Killed inside of a checkpoint: its beginning lies beside the one that holds.
+    std::fs::write(checkpoint.with_extension("json.tmp"), b"{\"note\"").expect("writes");
+    let resumed = run(&killed, &["--until", "trace"]);
     assert!(well(&resumed).err.contains("tile: goes on after 1 of"), "{}", resumed.err);
+    // Killed again while the photons are sorted and the store grows.
+    let mut child = glintmap(&arguments).spawn().expect("the program starts");
+    let growing = killed.join("run/tile/photons.gmp.tmp");
+    let sealed = killed.join("run/tile/photons.gmp");
+    while !growing.exists() && !sealed.exists() {
+        assert!(child.try_wait().expect("asks").is_none(), "it ended without a store");
+        std::thread::sleep(Duration::from_micros(200));
+    }
+    child.kill().expect("kills");
+    child.wait().expect("waits");
+    println!("killed with the store {}", if sealed.exists() { "sealed" } else { "growing" });
+    well(&run(&killed, &["--until", "pages"]));
+    assert!(!growing.exists(), "a part of a store is left");
     assert_eq!(stores(&whole), stores(&killed));
 }

@@ -15,11 +15,13 @@ macro_rules! values {
         impl Value for $type {
             const DESCR: &str = $descr;
             const BYTES: usize = $bytes;
+            #[inline]
             fn from_le(bytes: &[u8]) -> Self {
                 let mut own = [0u8; $bytes];
                 own.copy_from_slice(bytes);
                 Self::from_le_bytes(own)
             }
+            #[inline]
             fn put_le(self, out: &mut Vec<u8>) {
                 out.extend_from_slice(&self.to_le_bytes());
             }

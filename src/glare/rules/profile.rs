@@ -98,6 +98,61 @@ pub enum Quantity {
     AfterImageRatio,
     /// Retinal irradiance over that of a burn, `0.118 / w` W/cm2 (1 above w = 0.118 rad).
     BurnRatio,
+    /// Largest irradiance of any timestep, W/m2.
+    IrradianceWM2,
+    /// Distance to the nearest PV in sight, m.
+    DistanceM,
+    /// Area of all PV, m2.
+    PvAreaM2,
+    /// Largest angle between two points of the PV in sight, degrees.
+    SubtendedDeg,
+}
+
+impl Quantity {
+    /// Its unit, for people.
+    pub fn unit(self) -> &'static str {
+        match self {
+            Self::SustainedMin | Self::LongestRunMin | Self::DailyTotalMin => "min",
+            Self::AnnualH => "h",
+            Self::Months => "months",
+            Self::LuminanceCdM2 => "cd/m²",
+            Self::AfterImageRatio | Self::BurnRatio => "times",
+            Self::IrradianceWM2 => "W/m²",
+            Self::DistanceM => "m",
+            Self::PvAreaM2 => "m²",
+            Self::SubtendedDeg => "°",
+        }
+    }
+
+    /// What it is, for people.
+    pub fn words(self) -> &'static str {
+        match self {
+            Self::SustainedMin => "longest glare event",
+            Self::LongestRunMin => "longest glare without a break",
+            Self::DailyTotalMin => "glare on the worst day",
+            Self::AnnualH => "glare in the year",
+            Self::Months => "months with glare",
+            Self::LuminanceCdM2 => "luminance",
+            Self::AfterImageRatio => "after-image hazard",
+            Self::BurnRatio => "burn hazard",
+            Self::IrradianceWM2 => "strongest irradiance",
+            Self::DistanceM => "distance to the PV",
+            Self::PvAreaM2 => "area of the PV",
+            Self::SubtendedDeg => "angle that the PV spans",
+        }
+    }
+
+    /// Whether it counts time above a threshold of irradiance.
+    pub fn is_time(self) -> bool {
+        matches!(
+            self,
+            Self::SustainedMin
+                | Self::LongestRunMin
+                | Self::DailyTotalMin
+                | Self::AnnualH
+                | Self::Months
+        )
+    }
 }
 
 /// When a limit is exceeded.
@@ -109,6 +164,28 @@ pub enum Operator {
     Above,
     /// At the value already.
     AtLeast,
+    /// Strictly below the value: a distance.
+    Below,
+}
+
+impl Operator {
+    /// Whether a value exceeds a limit.
+    pub fn exceeds(self, value: f64, limit: f64) -> bool {
+        match self {
+            Self::Above => value > limit,
+            Self::AtLeast => value >= limit,
+            Self::Below => value < limit,
+        }
+    }
+
+    /// As people say it.
+    pub fn words(self) -> &'static str {
+        match self {
+            Self::Above => "more than",
+            Self::AtLeast => "at least",
+            Self::Below => "less than",
+        }
+    }
 }
 
 /// One limit of a profile.
@@ -140,6 +217,9 @@ pub struct Limit {
     /// It only excuses others: exceeding it means nothing by itself.
     #[serde(default)]
     pub only_excuses: bool,
+    /// It is only listed among the criteria that are met: it decides nothing by itself.
+    #[serde(default)]
+    pub only_informs: bool,
 }
 
 /// The ids of the profiles that come with the program.
@@ -167,7 +247,21 @@ pub fn built_in(id: &str) -> Result<Profile, Error> {
 /// names, or excuses that lead nowhere.
 pub fn load(name: &str, text: &str) -> Result<Profile, Error> {
     let wrong = |message: String| Error::Rules { name: name.to_owned(), message };
-    let profile: Profile = toml::from_str(text).map_err(|e| wrong(e.to_string()))?;
+    let profile: Profile = toml::from_str(text).map_err(|e| {
+        let at = e.span().map_or(0, |span| span.start.min(text.len()));
+        let before = text.get(..at).unwrap_or("");
+        let line = before.matches('\n').count() + 1;
+        let column = before.rsplit('\n').next().map_or(0, |l| l.chars().count()) + 1;
+        wrong(format!("line {line}, column {column}: {}", e.message()))
+    })?;
+    let grades = profile.grades.len();
+    let counted = profile.limits.iter().filter(|l| !l.only_excuses && !l.only_informs).count();
+    if grades != 0 && grades != counted + 1 {
+        return Err(wrong(format!(
+            "grades: expected a name for 0 to {counted} exceeded limits ({} names), found {grades}",
+            counted + 1
+        )));
+    }
     for (number, limit) in profile.limits.iter().enumerate() {
         let id = &limit.id;
         if !limit.value.is_finite() || !limit.threshold_w_m2.is_none_or(|t| t >= 0.0) {
@@ -210,12 +304,15 @@ mod tests {
         let head = "id='a'\nversion='1'\nstatus='current'\nsource='s'\n";
         let limit = "[[limit]]\nid='l'\nquantity='annual_h'\nvalue=50\n";
         assert!(load("mine", &format!("{head}{limit}")).is_ok());
+        let message = load("mine.toml", &format!("{head}{limit}colour='red'\n")).unwrap_err();
+        assert!(message.to_string().contains("line 9"), "{message}");
         for wrong in [
             format!("{head}{limit}{limit}"),
             format!("{head}{limit}colour='red'\n"),
             format!("{head}{limit}excused_by='x'\n"),
             format!("{head}{limit}excused_by='l'\n"),
             format!("{head}{limit}threshold_w_m2=-1\n"),
+            format!("{head}grades=['low']\n{limit}"),
             format!("{head}[[limit]]\nid='l'\nquantity='annual_h'\nvalue=nan\n"),
             limit.to_owned(),
             "[".to_owned(),

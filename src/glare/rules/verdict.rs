@@ -1,6 +1,6 @@
 use serde::Serialize;
 
-use super::profile::{Class, Limit, Operator, Profile, Quantity};
+use super::profile::{Class, Limit, Profile, Quantity};
 
 /// One thing that was measured at a receiver.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -13,6 +13,8 @@ pub struct Measured {
     pub filtered: bool,
     /// The value, in the quantity's unit.
     pub value: f64,
+    /// Between which values it lies by its noise, where that is known.
+    pub band: Option<[f64; 2]>,
 }
 
 /// What is known of a receiver: a pixel, an observer, or a region.
@@ -27,15 +29,14 @@ pub struct Metrics {
 }
 
 impl Metrics {
-    fn value(&self, limit: &Limit) -> Option<f64> {
+    fn find(&self, limit: &Limit) -> Option<&Measured> {
         let assumed = limit.conditions.iter().all(|condition| self.conditions.contains(condition));
         let fits = |m: &&Measured| {
             m.quantity == limit.quantity
                 && m.threshold_w_m2 == limit.threshold_w_m2
                 && m.filtered == limit.filtered
         };
-        let found = self.measured.iter().find(fits).filter(|_| assumed)?;
-        found.value.is_finite().then_some(found.value)
+        self.measured.iter().find(fits).filter(|m| assumed && m.value.is_finite())
     }
 }
 
@@ -64,6 +65,11 @@ pub struct Judged {
     pub outcome: Outcome,
     /// What was measured.
     pub value: Option<f64>,
+    /// Between which values it lies by its noise, where that is known.
+    pub band: Option<[f64; 2]>,
+    /// Whether the whole band lies on one side of the limit; a value without a band is taken as it
+    /// is.
+    pub certain: bool,
 }
 
 /// What a profile says of a receiver.
@@ -84,14 +90,21 @@ impl Profile {
     /// Judges a receiver.
     pub fn judge(&self, metrics: &Metrics) -> Verdict {
         let limits: Vec<Judged> = (self.limits.iter())
-            .map(|limit| Judged {
-                limit: limit.id.clone(),
-                outcome: self.outcome(limit, metrics),
-                value: metrics.value(limit),
+            .map(|limit| {
+                let measured = metrics.find(limit);
+                let band = measured.and_then(|m| m.band);
+                let exceeds = |v: f64| limit.operator.exceeds(v, limit.value);
+                Judged {
+                    limit: limit.id.clone(),
+                    outcome: self.outcome(limit, metrics),
+                    value: measured.map(|m| m.value),
+                    band,
+                    certain: band.is_none_or(|[low, high]| exceeds(low) == exceeds(high)),
+                }
             })
             .collect();
         let counted: Vec<Outcome> = (self.limits.iter().zip(&limits))
-            .filter(|(limit, _)| !limit.only_excuses)
+            .filter(|(limit, _)| !limit.only_excuses && !limit.only_informs)
             .map(|(_, judged)| judged.outcome)
             .collect();
         let count = |outcome| counted.iter().filter(|found| **found == outcome).count();
@@ -115,12 +128,8 @@ impl Profile {
         if !metrics.class.is_none_or(applies) {
             return Outcome::NotApplicable;
         }
-        let Some(value) = metrics.value(limit) else { return Outcome::NotEvaluated };
-        let exceeded = match limit.operator {
-            Operator::Above => value > limit.value,
-            Operator::AtLeast => value >= limit.value,
-        };
-        if !exceeded {
+        let Some(found) = metrics.find(limit) else { return Outcome::NotEvaluated };
+        if !limit.operator.exceeds(found.value, limit.value) {
             return Outcome::Kept;
         }
         let excuse = limit.excused_by.as_ref();
@@ -141,7 +150,7 @@ mod tests {
     use super::*;
 
     fn measured(quantity: Quantity, value: f64) -> Measured {
-        Measured { quantity, threshold_w_m2: None, filtered: false, value }
+        Measured { quantity, threshold_w_m2: None, filtered: false, value, band: None }
     }
 
     #[test]
@@ -153,6 +162,7 @@ mod tests {
                 threshold_w_m2: Some(threshold),
                 filtered: true,
                 value,
+                band: None,
             };
             let measured = vec![
                 at(Quantity::SustainedMin, sustained, 10.0),
@@ -165,6 +175,43 @@ mod tests {
         assert_eq!(judge(30.0, 50.0), Outcome::Kept);
         assert_eq!(judge(30.1, 50.0), Outcome::Exceeded);
         assert_eq!(judge(15.0, 50.1), Outcome::Exceeded);
+    }
+
+    #[test]
+    fn a_band_that_straddles_the_limit_leaves_it_open() {
+        let profile = built_in("at-ove-r11-3-2016").unwrap();
+        let judged = |value, band| {
+            let day = Measured { band, ..measured(Quantity::DailyTotalMin, value) };
+            let measured = vec![day, measured(Quantity::AnnualH, 1.0)];
+            let verdict = profile.judge(&Metrics { measured, ..Metrics::default() });
+            (verdict.limits[0].outcome, verdict.limits[0].certain)
+        };
+        assert_eq!(judged(24.0, None), (Outcome::Kept, true));
+        assert_eq!(judged(24.0, Some([15.0, 30.0])), (Outcome::Kept, true));
+        assert_eq!(judged(24.0, Some([15.0, 45.0])), (Outcome::Kept, false));
+        assert_eq!(judged(45.0, Some([30.0, 60.0])), (Outcome::Exceeded, false));
+        assert_eq!(judged(45.0, Some([31.0, 60.0])), (Outcome::Exceeded, true));
+    }
+
+    /// Table 2 of the paper: distance, area and angle are listed, they decide nothing.
+    #[test]
+    fn criteria_that_only_inform_decide_nothing() {
+        let profile = built_in("paper-2018").unwrap();
+        let near = vec![
+            measured(Quantity::DistanceM, 99.0),
+            measured(Quantity::PvAreaM2, 11.0),
+            measured(Quantity::SubtendedDeg, 7.6),
+        ];
+        let verdict = |class| {
+            let metrics =
+                Metrics { class: Some(class), measured: near.clone(), ..Metrics::default() };
+            let verdict = profile.judge(&metrics);
+            assert_eq!(verdict.outcome, Outcome::NotEvaluated);
+            let met = verdict.limits.iter().filter(|l| l.outcome == Outcome::Exceeded);
+            met.map(|l| l.limit.clone()).collect::<Vec<_>>()
+        };
+        assert_eq!(verdict(Class::Dwelling), ["distance-residential", "area-residential", "angle"]);
+        assert_eq!(verdict(Class::Office), ["angle"]);
     }
 
     #[test]

@@ -24,7 +24,7 @@ impl Reader<'_> {
                 (Some(model), None) if t.side.is_none() && t.spectrum.is_none() => {
                     let bsdf = Bsdf::from_model(model)
                         .map_err(|source| Error::Material { name: t.name.clone(), source })?;
-                    Material { made: Made::Model(*model), bsdf, notes: Vec::new() }
+                    Material { made: Made::Model(model.clone()), bsdf, notes: Vec::new() }
                 }
                 (None, Some(path)) => self.measured(t, path)?,
                 (Some(_), None) => {
@@ -100,27 +100,22 @@ impl Reader<'_> {
         })
     }
 
-    pub fn view(&self, t: &ViewTable) -> Result<PlannedView, Error> {
-        let later = |key: &str, instead: &str| {
-            Error::Unsupported(format!(
-                "{}: view.{}.{key}: this version can't do that yet; {instead}",
-                self.file.display(),
-                t.name
-            ))
-        };
+    fn view(&self, t: &ViewTable) -> Result<PlannedView, Error> {
         if t.fuse {
-            return Err(later("fuse", "leave it out: the series is kept"));
+            return Err(self.later(t, "fuse", "leave it out: the series is kept"));
         }
         if t.view_file.is_some() {
-            return Err(later("view_file", "write its options into `view`"));
-        }
-        if t.sensors.is_some() {
-            return Err(later("sensors", "use a picture"));
+            return Err(self.later(t, "view_file", "write its options into `view`"));
         }
         let Some(options) = &t.view else {
             return Err(self.wrong(format!("[[view]] \"{}\": expected `view`, found none", t.name)));
         };
-        let [columns, rows] = t.size;
+        let Some([columns, rows]) = t.size else {
+            return Err(self.wrong(format!(
+                "[[view]] \"{}\": expected `size = [columns, rows]`, found none",
+                t.name
+            )));
+        };
         let edge = 1..=limits::MAX_VIEW_EDGE;
         if !edge.contains(&columns)
             || !edge.contains(&rows)
@@ -133,10 +128,27 @@ impl Reader<'_> {
                 limits::MAX_VIEW_PIXELS
             )));
         }
+        let annual = self.gather(t)?;
+        let view = View::parse(options, columns, rows)
+            .map_err(|e| self.wrong(format!("view.{}.view: {e}", t.name)))?;
+        Ok(PlannedView {
+            name: t.name.clone(),
+            options: options.clone(),
+            view,
+            annual,
+            series_bandwidth: t.series_bandwidth,
+            points: None,
+        })
+    }
+
+    /// How a view's photons become irradiance.
+    pub(super) fn gather(&self, t: &ViewTable) -> Result<Gather, Error> {
         let estimator = match t.estimator.as_str() {
             "photons" => Estimator::Photons,
             "radiance" => Estimator::Radiance,
-            "direct" => return Err(later("estimator", "\"direct\" comes later, use \"photons\"")),
+            "direct" => {
+                return Err(self.later(t, "estimator", "\"direct\" comes later, use \"photons\""));
+            }
             other => {
                 return Err(self.wrong(format!(
                     "view.{}.estimator: expected \"photons\" or \"radiance\", found \"{other}\"",
@@ -160,15 +172,26 @@ impl Reader<'_> {
                 self.wrong(format!("view.{}.max_radius_m: expected metres above 0", t.name))
             );
         }
-        let view = View::parse(options, columns, rows)
-            .map_err(|e| self.wrong(format!("view.{}.view: {e}", t.name)))?;
-        Ok(PlannedView {
-            name: t.name.clone(),
-            options: options.clone(),
-            view,
-            annual: Gather { bandwidth: t.bandwidth, max_radius_m: t.max_radius_m, estimator },
-            series_bandwidth: t.series_bandwidth,
+        Ok(Gather {
+            bandwidth: t.bandwidth,
+            max_radius_m: t.max_radius_m,
+            estimator,
+            ..Gather::default()
         })
+    }
+
+    fn later(&self, t: &ViewTable, key: &str, instead: &str) -> Error {
+        Error::Unsupported(format!(
+            "{}: view.{}.{key}: this version can't do that yet; {instead}",
+            self.file.display(),
+            t.name
+        ))
+    }
+
+    /// The pictures; sets of sensors apart.
+    pub fn views(&self) -> Result<Vec<PlannedView>, Error> {
+        let pictures = self.project.view.iter().filter(|v| v.sensors.is_none());
+        pictures.map(|v| self.view(v)).collect()
     }
 
     pub fn trace(&self) -> Result<trace::Settings, Error> {
@@ -248,9 +271,6 @@ impl Reader<'_> {
                 g.sigma, g.truncate
             )));
         }
-        for rule in &g.rules {
-            glare::rules::built_in(rule).map_err(|e| self.wrong(format!("glare.rules: {e}")))?;
-        }
         Ok(glare::Settings {
             threshold: 0.0,
             sigma: g.sigma,
@@ -258,6 +278,7 @@ impl Reader<'_> {
             connectivity,
             allow_nonfinite: false,
             memory_bytes,
+            ..glare::Settings::default()
         })
     }
 }

@@ -1,3 +1,4 @@
+use std::path::Path;
 use std::time::Instant;
 
 use serde_json::json;
@@ -15,7 +16,7 @@ use crate::volume::Volume;
 pub(in crate::run) fn glare(job: &mut Job<'_>) -> Result<(), Error> {
     let resolved = job.resolved;
     for candidate in &resolved.candidates {
-        for view in &resolved.views {
+        for view in resolved.with_sensors() {
             let render_key = resolved.render_key(candidate, view)?;
             for &threshold in &resolved.project.glare.thresholds_w_m2 {
                 let key = resolved.glare_key(&render_key, threshold)?;
@@ -26,7 +27,7 @@ pub(in crate::run) fn glare(job: &mut Job<'_>) -> Result<(), Error> {
             }
         }
     }
-    Ok(())
+    super::receivers::received(job)
 }
 
 fn one(
@@ -39,9 +40,17 @@ fn one(
 ) -> Result<(), Error> {
     let began = Instant::now();
     let volume = Volume::open(&job.folder.at(&job.folder.series(&candidate.name, &view.name)))?;
-    let settings = glare::Settings { threshold, ..job.resolved.glare.clone() };
+    let spill = job.folder.at(Path::new("run"));
+    let mut settings = glare::Settings { threshold, spill, ..job.resolved.glare.clone() };
+    if view.points.is_some() {
+        // Points that follow each other in a list needn't be neighbours.
+        settings.sigma[1..].fill(0.0);
+    }
     let steps = volume.shape()[0] as u64;
-    let analysis = glare::analyse(&volume, &volume.segments(), &settings, None, job.progress)?;
+    let mut analysis = glare::analyse(&volume, &volume.segments(), &settings, None, job.progress)?;
+    if view.points.is_some() {
+        analysis.sustained.clone_from(&analysis.longest_run);
+    }
     job.progress.finish();
     let name = |file: &str| job.folder.glare(&candidate.name, &view.name, threshold, file);
     let step_h = job.timeline()?.step_h;
@@ -61,13 +70,10 @@ fn one(
         exr::write(&job.folder.at(&exr_name), &[(channel.as_str(), &hours)], &attributes)?;
         outputs.extend([name(&format!("{map}.npy")), exr_name]);
     }
-    let events_name = name("events.csv");
-    let events_path = job.folder.at(&events_name);
-    glintmap_formats::seal::write(&events_path, |out| {
-        glare::write_events(out, &analysis.events, volume.axis())
-    })
-    .map_err(|source: std::io::Error| Error::Write { path: events_path.clone(), source })?;
-    outputs.push(events_name);
+    if view.points.is_none() {
+        outputs.extend(super::events::write(job, candidate, view, threshold, &analysis, &volume)?);
+        outputs.extend(super::year::write(job, &name(""), &volume, threshold, &attributes)?);
+    }
     let facts = json!({ "events": analysis.events.len(), "timesteps": steps });
     job.done(unit, key, &outputs, began, facts)
 }

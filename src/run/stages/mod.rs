@@ -1,17 +1,21 @@
 //! One file a stage. Each asks the manifest what is current, calls the rooms, and records what
 //! they left behind.
 
+mod events;
 mod glare;
 mod photons;
 mod pictures;
+mod receivers;
 mod render;
 mod report;
 mod suns;
 mod verdicts;
+mod year;
 
 pub(super) use glare::glare;
 pub(super) use photons::{Traced, pages, trace};
 pub(super) use pictures::{key as pictures_key, pictures};
+pub(super) use receivers::{check as check_receivers, received_unit};
 pub(super) use render::render;
 pub(super) use report::report;
 pub(super) use suns::suns;

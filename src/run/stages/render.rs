@@ -8,7 +8,7 @@ use serde_json::json;
 use crate::base::{Grid, SpectralBasis};
 use crate::pages::{Access, OpenOptions, Store};
 use crate::picture::{exr, hdr};
-use crate::render::{self, Gather, HitMap, Quantity};
+use crate::render::{self, Gather, HitMap, Quantity, Surfaces};
 use crate::run::Error;
 use crate::run::job::{Job, Stage};
 use crate::run::manifest::key_of;
@@ -25,8 +25,11 @@ pub(in crate::run) fn render(job: &mut Job<'_>) -> Result<(), Error> {
         hits(job, view)?;
         background(job, view)?;
     }
+    for set in &resolved.sensors {
+        super::receivers::place(job, set)?;
+    }
     for candidate in &resolved.candidates {
-        for view in &resolved.views {
+        for view in resolved.with_sensors() {
             maps(job, candidate, view)?;
         }
     }
@@ -45,7 +48,7 @@ fn hits(job: &mut Job<'_>, view: &PlannedView) -> Result<(), Error> {
     let name = job.folder.hits(&view.name);
     let path = job.folder.prepare(&name)?;
     let provenance = job.provenance(&key, &[("view", &view.name)]);
-    hits.write(&path, &view.view, trace.max_path_m, &provenance)?;
+    hits.write(&path, &view.view.to_options(), trace.max_path_m, &provenance)?;
     job.done(&unit, &key, &[name], began, json!({ "pixels": hits.hits.len() }))
 }
 
@@ -110,7 +113,9 @@ fn maps(job: &mut Job<'_>, candidate: &Candidate, view: &PlannedView) -> Result<
     let options = OpenOptions { cache_bytes: job.options.page_cache_bytes, access: Access::Mapped };
     let store = Store::open(&store_path, &options)?;
     let about = [("material", candidate.name.as_str()), ("view", view.name.as_str())];
-    let mut outputs = annual(job, &store, &hits, candidate, view, &key, &about)?;
+    let surfaces = view.annual.edges.then(|| job.site().map(Surfaces::of)).transpose()?;
+    let surfaces = surfaces.as_ref();
+    let mut outputs = annual(job, (&store, surfaces, &hits), candidate, view, &key, &about)?;
     let quantity = job.resolved.quantity;
     let steps = job.timeline()?.steps.len();
     let bandwidth = view.series_bandwidth.unwrap_or_else(|| (3 * steps).max(4000));
@@ -118,7 +123,7 @@ fn maps(job: &mut Job<'_>, candidate: &Candidate, view: &PlannedView) -> Result<
     let series_name = job.folder.series(&candidate.name, &view.name);
     let series_path = job.folder.prepare(&series_name)?;
     let provenance = job.provenance(&key, &about);
-    let (columns, rows) = (view.view.columns(), view.view.rows());
+    let (columns, rows) = (hits.columns, hits.rows);
     let create = |timeline| {
         Writer::create_or_resume(
             &series_path,
@@ -137,12 +142,12 @@ fn maps(job: &mut Job<'_>, candidate: &Candidate, view: &PlannedView) -> Result<
         }
         other => other?,
     };
-    let told = render::series(&store, &hits, &gather, quantity, &writer, job.progress)?;
+    let told = render::series(&store, surfaces, &hits, &gather, quantity, &writer, job.progress)?;
     job.progress.finish();
     let written = writer.finish()?;
     outputs.push(series_name);
     outputs.push(peak(job, candidate, view, &key, &about)?);
-    let share = told.photons_per_lit_timestep();
+    let share = told.summary.photons_per_lit_timestep();
     if let Some(photons) = share.filter(|p| *p < 10.0) {
         job.warn(format!(
             "{} {}: {photons:.1} photons for each timestep that is lit at a pixel (bandwidth {bandwidth}); below 10 noise decides about durations: store more photons and raise series_bandwidth",
@@ -152,7 +157,7 @@ fn maps(job: &mut Job<'_>, candidate: &Candidate, view: &PlannedView) -> Result<
     let facts = json!({
         "cache": store.cache_stats(),
         "series": written,
-        "gathered": told,
+        "gathered": told.summary,
         "photons_per_lit_timestep": share,
     });
     job.done(&unit, &key, &outputs, began, facts)
@@ -160,30 +165,32 @@ fn maps(job: &mut Job<'_>, candidate: &Candidate, view: &PlannedView) -> Result<
 
 fn annual(
     job: &Job<'_>,
-    store: &Store,
-    hits: &HitMap,
+    (store, surfaces, hits): (&Store, Option<&Surfaces<'_>>, &HitMap),
     candidate: &Candidate,
     view: &PlannedView,
     key: &str,
     about: &[(&str, &str)],
 ) -> Result<Vec<PathBuf>, Error> {
     let weights: Vec<f64> = job.timeline()?.steps.iter().map(|s| s.weight_h).collect();
-    let annual = render::annual(store, hits, &weights, &view.annual, job.progress)?;
+    let annual = render::annual(store, surfaces, hits, &weights, &view.annual, job.progress)?;
     job.progress.finish();
     let name = |file: &str| job.folder.map(&candidate.name, &view.name, file);
     let path = job.folder.prepare(&name("annual.exr"))?;
-    let channels: [(&str, &Grid<f32>); 3] = [
+    let channels: [(&str, &Grid<f32>); 4] = [
         ("annual.wh_m2", &annual.surface),
         ("annual_normal.wh_m2", &annual.normal),
         ("radius.m", &annual.radius_m),
+        ("standard_error.wh_m2", &annual.error),
     ];
     exr::write(&path, &channels, &attributes(job, key, about))?;
     let grey = annual.surface.map(|v| [*v; 3]);
-    let lines = [
+    let mut lines = vec![
         format!("SOFTWARE= {}", crate::base::Provenance::PROGRAM),
         "annual radiant exposure, Wh/m2".to_owned(),
-        view.view.to_view_line(),
     ];
+    if view.points.is_none() {
+        lines.push(view.view.to_view_line());
+    }
     hdr::write(&job.folder.at(&name("annual.hdr")), &grey, &lines)?;
     let npy = job.folder.at(&name("annual.npy"));
     glintmap_formats::npy::write(

@@ -45,6 +45,7 @@ pub(super) fn table(job: &Job<'_>, view: &PlannedView) -> Result<Option<Table>, 
                     threshold_w_m2: Some(d.threshold_w_m2),
                     filtered,
                     value: f64::from(super::report::largest(&d.map)),
+                    band: None,
                 })
                 .collect(),
             conditions: Vec::new(),
@@ -100,8 +101,10 @@ fn rows(
             candidate.name.clone(),
             profile.id.clone(),
             limit.id.clone(),
-            judged.value.map_or_else(|| "–".into(), |v| format!("{v:.1} {}", unit(limit))),
-            format!("{} {}", limit.value, unit(limit)),
+            judged
+                .value
+                .map_or_else(|| "–".into(), |v| format!("{v:.1} {}", limit.quantity.unit())),
+            format!("{} {}", limit.value, limit.quantity.unit()),
             words(judged.outcome).to_owned(),
             share.map_or_else(|| "–".into(), |s| format!("{:.2} %", 100.0 * s)),
         ]);
@@ -116,16 +119,6 @@ fn share_above(limit: &Limit, durations: &[Duration], receivers: usize) -> Optio
     let map = &durations.iter().find(fits)?.map;
     let above = map.data().iter().filter(|v| f64::from(**v) > limit.value).count();
     Some(above as f64 / receivers.max(1) as f64)
-}
-
-fn unit(limit: &Limit) -> &'static str {
-    match limit.quantity {
-        Quantity::SustainedMin | Quantity::LongestRunMin | Quantity::DailyTotalMin => "min",
-        Quantity::AnnualH => "h",
-        Quantity::Months => "months",
-        Quantity::LuminanceCdM2 => "cd/m²",
-        Quantity::AfterImageRatio | Quantity::BurnRatio => "times",
-    }
 }
 
 fn words(outcome: Outcome) -> &'static str {

@@ -1,3 +1,4 @@
+use std::borrow::Cow;
 use std::path::Path;
 
 use roxmltree::{Document, Node, ParsingOptions};
@@ -87,6 +88,8 @@ pub struct Block {
     pub table: std::sync::Arc<Table>,
     /// Largest share of light that the file's values scatter, before it was cut to 1.
     pub most_scattered: f64,
+    /// Taken from the other direction, as light may go either way: the file hasn't it.
+    pub reciprocal: bool,
 }
 
 /// A BSDF file as WINDOW and Radiance write it.
@@ -202,6 +205,70 @@ fn shown(text: &str) -> String {
     if out.is_empty() { "nothing".into() } else { format!("`{out}`") }
 }
 
+/// An element's text without its comments, and where its pieces stand in the file.
+struct Content<'a> {
+    text: Cow<'a, str>,
+    /// Where a piece begins in `text`, and in the file.
+    pieces: Vec<(usize, usize)>,
+}
+
+impl<'a> Content<'a> {
+    /// `None` where elements stand among the text.
+    fn of(node: Node<'a, '_>) -> Option<Self> {
+        let mut out = Self { text: Cow::Borrowed(""), pieces: vec![(0, node.range().start)] };
+        for piece in node.children().filter(|c| !c.is_comment() && !c.is_pi()) {
+            let text = piece.text().filter(|_| piece.is_text())?;
+            out.pieces.push((out.text.len(), piece.range().start));
+            if out.text.is_empty() {
+                out.text = Cow::Borrowed(text);
+            } else {
+                out.text.to_mut().push_str(text);
+            }
+        }
+        Some(out)
+    }
+
+    /// Place in the file of a byte of the text.
+    fn byte(&self, at: usize) -> usize {
+        let after = self.pieces.partition_point(|p| p.0 <= at).max(1);
+        let (begins, stands) = self.pieces[after - 1];
+        stands + at - begins
+    }
+}
+
+/// Adds the transmission that a file leaves out: light may go either way, so that the one from
+/// the front also tells the one from the back (as Radiance has it).
+fn fill_in(blocks: &mut Vec<Block>, notes: &mut Vec<String>) {
+    for spectrum in [Spectrum::Visible, Spectrum::Solar] {
+        for (have, lack) in [
+            (Way::TransmissionFront, Way::TransmissionBack),
+            (Way::TransmissionBack, Way::TransmissionFront),
+        ] {
+            let find = |way| blocks.iter().find(|b| b.spectrum == spectrum && b.way == way);
+            let (Some(block), None) = (find(have), find(lack)) else { continue };
+            let Table::Matrix(matrix) = &*block.table else {
+                notes.push(format!(
+                    "{spectrum:?} {} isn't there; by reciprocity it is {} read backwards",
+                    lack.name(),
+                    have.name()
+                ));
+                continue;
+            };
+            let matrix = matrix.backwards();
+            let most_scattered =
+                (0..matrix.incident.len()).map(|i| matrix.total(i)).fold(0.0, f64::max);
+            notes.push(format!(
+                "{spectrum:?} {} was taken from {} by reciprocity",
+                lack.name(),
+                have.name()
+            ));
+            let table = std::sync::Arc::new(Table::Matrix(matrix));
+            let way = lack;
+            blocks.push(Block { spectrum, way, table, most_scattered, reciprocal: true });
+        }
+    }
+}
+
 impl Reader<'_, '_> {
     fn line(&self, byte: usize) -> u32 {
         self.document.text_pos_at(byte).row + self.lines_before
@@ -288,6 +355,7 @@ impl Reader<'_, '_> {
         if blocks.is_empty() {
             return Err(self.wrong(layer, "WavelengthData", "Visible or Solar data", "none"));
         }
+        fill_in(&mut blocks, &mut self.notes);
         Ok(BsdfFile {
             path: self.path.to_owned(),
             name: about("Name"),
@@ -388,20 +456,13 @@ impl Reader<'_, '_> {
         let data = child(node, "ScatteringData")
             .ok_or_else(|| self.wrong(node, "WavelengthDataBlock", "<ScatteringData>", "none"))?;
         let item = format!("ScatteringData of {spectrum:?} {}", way.name());
-        let content = data.children().find(|c| c.is_text());
-        let (numbers, at) = content
-            .map_or(("", data.range().start), |c| (c.text().unwrap_or_default(), c.range().start));
-        if data.children().count() > 1 {
-            return Err(self.wrong(
-                data,
-                &item,
-                "numbers alone",
-                "elements or comments among them",
-            ));
-        }
+        let Some(content) = Content::of(data) else {
+            return Err(self.wrong(data, &item, "numbers alone", "elements among them"));
+        };
+        let numbers = &*content.text;
         let failed = |wrong: Wrong| Error::File {
             path: self.path.to_owned(),
-            line: self.line((at + wrong.byte).min(self.document.input_text().len())),
+            line: self.line(content.byte(wrong.byte).min(self.document.input_text().len())),
             item: item.as_str().into(),
             expected: wrong.expected.into(),
             found: wrong.found,
@@ -448,6 +509,12 @@ impl Reader<'_, '_> {
                 100.0 * most_scattered
             ));
         }
-        Ok(Block { spectrum, way, table: std::sync::Arc::new(table), most_scattered })
+        Ok(Block {
+            spectrum,
+            way,
+            table: std::sync::Arc::new(table),
+            most_scattered,
+            reciprocal: false,
+        })
     }
 }

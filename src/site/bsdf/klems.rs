@@ -214,6 +214,27 @@ impl Matrix {
         Self { incident, outgoing, values, cumulative }
     }
 
+    /// The same light on its way back: `f'(a, b) = f(b, a)`.
+    pub(super) fn backwards(&self) -> Self {
+        let middle = |basis: &KlemsBasis, patch: usize, sign: f64| {
+            let (polar_deg, azimuth_deg) = basis.middle_deg(patch);
+            let (cos, sin) = on_circle((azimuth_deg / 360.0).rem_euclid(1.0));
+            let polar = polar_deg.to_radians();
+            let radius = sign * libm::sin(polar);
+            DVec3::new(radius * cos, radius * sin, libm::cos(polar))
+        };
+        // Bases have the same patches whichever way light goes.
+        let (incident, outgoing) = (self.outgoing.clone(), self.incident.clone());
+        let mut values = Vec::with_capacity(self.values.len());
+        for i in 0..incident.len() {
+            let from = middle(&incident, i, -1.0);
+            for o in 0..outgoing.len() {
+                values.push(self.evaluate(middle(&outgoing, o, 1.0), from) as f32);
+            }
+        }
+        Self::new(incident, outgoing, values)
+    }
+
     /// Incident patch of light from a direction.
     #[inline]
     pub fn incident_patch(&self, from: DVec3) -> Option<usize> {

@@ -9,31 +9,53 @@
 //! that `density * survival * bound(incident) = f(incident, out) * cos(out)`. Whoever survives
 //! carries the same flux, so that a store's photons are all equal.
 
+mod account;
+mod cells;
+mod chart;
 mod circle;
 mod cone;
+mod curve;
 mod disk;
+mod facets;
 mod file;
 mod fresnel;
 mod ggx;
+mod gonio;
+mod interface;
 mod klems;
 mod lobe;
 mod measured;
+mod mixture;
 mod model;
 mod numbers;
+pub mod presets;
 mod scatter;
+mod scattered;
+mod source;
 mod survey;
 mod tree;
+mod write;
 
+pub use account::{Account, Row};
+#[cfg(test)]
+pub(crate) use chart::samples;
+pub use chart::{Chart, Square};
 pub use circle::{on_circle, on_hemisphere};
 pub use cone::Cone;
+pub use facets::Facets;
 pub use file::{Block, BsdfFile, Side, Spectrum, Table, Way};
 pub use fresnel::reflectance as fresnel_reflectance;
+pub use gonio::{Goniophotometer, Incident};
+pub use interface::{Coating, coated_reflectance, film_reflectance, metal_reflectance};
 pub use klems::{KlemsBasis, Matrix, Ring};
-#[cfg(test)]
-pub(crate) use lobe::samples;
-pub use lobe::{Lobe, Square};
+pub use lobe::Lobe;
 pub use measured::Measured;
-pub use model::{Error, Model};
+pub use mixture::Mixture;
+pub use model::{Error, Model, Part, preset_or_model};
+pub use presets::{PRESETS, Preset};
 pub use scatter::{Bsdf, Scattered};
+pub use scattered::{Reach, Surface};
+pub use source::Source;
 pub use survey::{ANGLES_DEG, Reciprocity};
 pub use tree::Tree;
+pub use write::{Cost, Fineness, Written, write, write_points};

@@ -1,7 +1,11 @@
+use serde::Deserialize as _;
+
+use super::interface::Coating;
+use super::presets::{PRESETS, Preset};
 use crate::base::FaultKind;
 
 /// A reflection model as a project names it: `{ kind = "pv-glass", index = 1.52, ... }`.
-#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
+#[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 #[serde(tag = "kind", rename_all = "kebab-case", deny_unknown_fields)]
 pub enum Model {
     /// Scatters evenly: an old roof tile.
@@ -30,7 +34,74 @@ pub enum Model {
         /// sheet, 0..0.9 (dark cells: 0.02 to 0.05).
         cell_reflectance: f64,
     },
+    /// Glass over cells, smooth or rough, with or without an anti-reflective film.
+    CoatedGlass {
+        /// Refractive index of the glass, 1.01..3 (soda-lime glass: 1.52).
+        index: f64,
+        /// GGX roughness alpha, 0.001..1, or 0 for a perfectly smooth front.
+        #[serde(default)]
+        ggx_alpha: f64,
+        /// Share of the light inside the glass that comes out again, 0..0.9.
+        #[serde(default)]
+        cell_reflectance: f64,
+        /// The film.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        coating: Option<Coating>,
+    },
+    /// Bare metal, rough.
+    Metal {
+        /// Refractive index, 0.01..20.
+        index: f64,
+        /// Extinction coefficient, 0..20.
+        extinction: f64,
+        /// GGX roughness alpha, 0.001..1.
+        ggx_alpha: f64,
+    },
+    /// Several of them side by side: each takes its share of the light, the rest is absorbed.
+    Mixture {
+        /// One to sixteen, none of them a mixture.
+        parts: Vec<Part>,
+    },
 }
+
+/// A part of a mixture: `{ share = 0.9, model = { preset = "satinated" } }`.
+#[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Part {
+    /// Share of the area, above 0; all shares add up to 1 at most.
+    pub share: f64,
+    /// What it is made of; a model, or the name of a preset.
+    #[serde(deserialize_with = "preset_or_model")]
+    pub model: Model,
+}
+
+/// Reads a model, or a preset's name as `"satinated"` or `{ preset = "satinated" }`.
+///
+/// # Errors
+/// What serde finds wrong, and names that no preset has.
+pub fn preset_or_model<'de, D: serde::Deserializer<'de>>(from: D) -> Result<Model, D::Error> {
+    use serde::de::Error as _;
+    let value = serde_json::Value::deserialize(from)?;
+    let name = match &value {
+        serde_json::Value::String(name) => Some(name.as_str()),
+        serde_json::Value::Object(map) if map.contains_key("preset") && map.len() == 1 => {
+            map["preset"].as_str()
+        }
+        _ => None,
+    };
+    match name {
+        Some(name) => Preset::named(name).map(|p| p.model()).ok_or_else(|| {
+            D::Error::custom(Error::NoPreset {
+                found: name.to_owned(),
+                known: PRESETS.map(|p| p.name).join(", "),
+            })
+        }),
+        None => Model::deserialize(value).map_err(D::Error::custom),
+    }
+}
+
+/// Most parts of a mixture.
+const MOST_PARTS: usize = 16;
 
 /// Why a model can't be used.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
@@ -49,6 +120,30 @@ pub enum Error {
         high: f64,
         /// What was given.
         found: f64,
+    },
+    /// A name that no preset has.
+    #[error("no preset is named \"{found}\" (there are: {known})")]
+    NoPreset {
+        /// The name.
+        found: String,
+        /// All names.
+        known: String,
+    },
+    /// Neither a file nor a preset.
+    #[error("{found}: no such file, and no preset has this name (there are: {known})")]
+    Unknown {
+        /// What was named.
+        found: String,
+        /// All presets.
+        known: String,
+    },
+    /// A mixture of too many or no parts, of mixtures, or of more than there is.
+    #[error("mixture: expected {expected}, found {found}")]
+    Mixture {
+        /// What would do.
+        expected: &'static str,
+        /// What is there.
+        found: String,
     },
     /// A file that can't be read.
     #[error("{path}: can't be read: {reason}")]
@@ -94,6 +189,12 @@ pub enum Error {
         /// Its largest total, %.
         percent: f64,
     },
+    /// More or less than one source where one is written.
+    #[error("--write takes one FILE (or the files of one goniophotometer sample), found {found}")]
+    OneToWrite {
+        /// How many.
+        found: usize,
+    },
     /// A file without the reflection that was asked for.
     #[error(
         "{path}: holds no {wanted}; it has {found}. `side = \"front\"` (the default) is Radiance's front, WINDOW's `Reflection Back`; `side = \"back\"` is `Reflection Front`"
@@ -113,10 +214,14 @@ impl Error {
     pub fn kind(&self) -> FaultKind {
         match self {
             Self::OutOfRange { .. }
+            | Self::NoPreset { .. }
+            | Self::Unknown { .. }
+            | Self::Mixture { .. }
             | Self::Read { .. }
             | Self::Xml { .. }
             | Self::File { .. }
             | Self::TooMuch { .. }
+            | Self::OneToWrite { .. }
             | Self::NoReflection { .. } => FaultKind::Input,
         }
     }
@@ -130,6 +235,9 @@ impl Model {
             Self::Mirror { .. } => "mirror",
             Self::Glass { .. } => "glass",
             Self::PvGlass { .. } => "pv-glass",
+            Self::CoatedGlass { .. } => "coated-glass",
+            Self::Metal { .. } => "metal",
+            Self::Mixture { .. } => "mixture",
         }
     }
 
@@ -146,15 +254,50 @@ impl Model {
                 Err(Error::OutOfRange { model, field, low, high, found })
             }
         };
-        match *self {
-            Self::Lambertian { reflectance } | Self::Mirror { reflectance } => {
+        match self {
+            &Self::Lambertian { reflectance } | &Self::Mirror { reflectance } => {
                 within("reflectance", reflectance, 0.0, 1.0)
             }
-            Self::Glass { index } => within("index", index, 1.01, 3.0),
-            Self::PvGlass { index, ggx_alpha, cell_reflectance } => {
+            &Self::Glass { index } => within("index", index, 1.01, 3.0),
+            &Self::PvGlass { index, ggx_alpha, cell_reflectance } => {
                 within("index", index, 1.01, 3.0)?;
                 within("ggx_alpha", ggx_alpha, 0.001, 1.0)?;
                 within("cell_reflectance", cell_reflectance, 0.0, 0.9)
+            }
+            &Self::CoatedGlass { index, ggx_alpha, cell_reflectance, coating } => {
+                within("index", index, 1.01, 3.0)?;
+                if ggx_alpha != 0.0 {
+                    within("ggx_alpha (or 0)", ggx_alpha, 0.001, 1.0)?;
+                }
+                within("cell_reflectance", cell_reflectance, 0.0, 0.9)?;
+                if let Some(film) = coating {
+                    within("coating.index", film.index, 1.01, 3.0)?;
+                    within("coating.thickness_nm", film.thickness_nm, 1.0, 2000.0)?;
+                }
+                Ok(())
+            }
+            &Self::Metal { index, extinction, ggx_alpha } => {
+                within("index", index, 0.01, 20.0)?;
+                within("extinction", extinction, 0.0, 20.0)?;
+                within("ggx_alpha", ggx_alpha, 0.001, 1.0)
+            }
+            Self::Mixture { parts } => {
+                let wrong = |expected, found: String| Err(Error::Mixture { expected, found });
+                if !(1..=MOST_PARTS).contains(&parts.len()) {
+                    return wrong("1 to 16 parts", parts.len().to_string());
+                }
+                for part in parts {
+                    if matches!(part.model, Self::Mixture { .. }) {
+                        return wrong("parts that are no mixtures", "a mixture".into());
+                    }
+                    within("share", part.share, 1e-6, 1.0)?;
+                    part.model.check()?;
+                }
+                let sum: f64 = parts.iter().map(|p| p.share).sum();
+                if sum > 1.0 + 1e-9 {
+                    return wrong("shares that add up to 1 at most", sum.to_string());
+                }
+                Ok(())
             }
         }
     }

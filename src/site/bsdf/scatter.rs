@@ -4,7 +4,7 @@ use glam::DVec3;
 
 use super::circle::on_hemisphere;
 use super::ggx::Ggx;
-use super::{Error, Measured, Model, fresnel};
+use super::{Error, Facets, Measured, Mixture, Model, fresnel};
 use crate::base::Stream;
 
 /// How a surface scatters light; see the module for the frame.
@@ -28,6 +28,10 @@ pub enum Bsdf {
     },
     /// A rough dielectric over a diffuse cell.
     PvGlass(PvGlass),
+    /// A lobe of facets over a broad ground.
+    Facets(Box<Facets>),
+    /// Several side by side.
+    Mixture(Mixture),
     /// Values from a file.
     Measured(Measured),
 }
@@ -67,17 +71,29 @@ impl Bsdf {
     /// A number outside its range.
     pub fn from_model(model: &Model) -> Result<Self, Error> {
         model.check()?;
-        Ok(match *model {
-            Model::Lambertian { reflectance } => Self::Lambertian { reflectance },
-            Model::Mirror { reflectance } => Self::Mirror { reflectance },
-            Model::Glass { index } => Self::Glass { index },
-            Model::PvGlass { index, ggx_alpha, cell_reflectance } => Self::PvGlass(PvGlass {
+        Ok(match model {
+            &Model::Lambertian { reflectance } => Self::Lambertian { reflectance },
+            &Model::Mirror { reflectance } => Self::Mirror { reflectance },
+            &Model::Glass { index } => Self::Glass { index },
+            &Model::PvGlass { index, ggx_alpha, cell_reflectance } => Self::PvGlass(PvGlass {
                 index,
                 ggx: Ggx { alpha: ggx_alpha },
                 cell: cell_reflectance,
                 diffuse: cell_reflectance / (1.0 - fresnel::diffuse_mean(index)),
                 out_most: 1.0 - fresnel::reflectance(1.0, index),
             }),
+            &Model::CoatedGlass { index, ggx_alpha, cell_reflectance, coating } => {
+                Self::Facets(Box::new(Facets::glass(index, coating, ggx_alpha, cell_reflectance)))
+            }
+            &Model::Metal { index, extinction, ggx_alpha } => {
+                Self::Facets(Box::new(Facets::metal(index, extinction, ggx_alpha)))
+            }
+            Model::Mixture { parts } => Self::Mixture(Mixture::new(
+                parts
+                    .iter()
+                    .map(|p| Ok((p.share, Self::from_model(&p.model)?)))
+                    .collect::<Result<_, Error>>()?,
+            )),
         })
     }
 
@@ -95,6 +111,11 @@ impl Bsdf {
                 let (lobe, diffuse) = glass.bounds(incident.z);
                 lobe + diffuse
             }
+            Self::Facets(facets) => {
+                let (lobe, ground) = facets.bounds(incident.z);
+                lobe + ground
+            }
+            Self::Mixture(mixture) => mixture.bound(incident),
             Self::Measured(measured) => measured.reflectance(incident),
         }
     }
@@ -108,6 +129,8 @@ impl Bsdf {
             Self::Glass { index } => fresnel::reflectance(low, *index),
             // The lobe's bound grows towards grazing incidence, the diffuse one shrinks.
             Self::PvGlass(glass) => glass.bounds(low).0 + glass.bounds(high).1,
+            Self::Facets(facets) => facets.bound_between(low, high),
+            Self::Mixture(mixture) => mixture.bound_between(low, high),
             Self::Measured(measured) => measured.most(low, high),
         }
     }
@@ -140,6 +163,7 @@ impl Bsdf {
                 let (lobe, diffuse) = glass.bounds(incident.z);
                 (lobe + diffuse, lobe)
             }
+            Self::Facets(_) | Self::Mixture(_) => (self.bound(incident), 0.0),
             Self::Measured(measured) => (measured.reflectance(incident), 0.0),
         };
         let (bound, weight) = if needed > bound { (needed, needed / bound) } else { (bound, 1.0) };
@@ -156,6 +180,8 @@ impl Bsdf {
                 DVec3::new(-incident.x, -incident.y, incident.z)
             }
             Self::PvGlass(glass) => glass.sample(incident, stake, lobe, needed - lobe, random)?,
+            Self::Facets(facets) => facets.sample(incident, stake, random)?,
+            Self::Mixture(mixture) => mixture.sample(incident, stake, random)?,
             Self::Measured(measured) => measured.sample(incident, random)?,
         };
         Some(Scattered { direction, weight })
@@ -171,6 +197,8 @@ impl Bsdf {
             Self::Lambertian { reflectance } => reflectance * FRAC_1_PI,
             Self::Mirror { .. } | Self::Glass { .. } => 0.0,
             Self::PvGlass(glass) => glass.evaluate(incident, out),
+            Self::Facets(facets) => facets.evaluate(incident, out),
+            Self::Mixture(mixture) => mixture.evaluate(incident, out),
             Self::Measured(measured) => measured.evaluate(incident, out),
         }
     }
@@ -185,7 +213,20 @@ impl Bsdf {
             Self::Lambertian { reflectance } | Self::Mirror { reflectance } => *reflectance,
             Self::Glass { index } => fresnel::reflectance(incident.z, *index),
             Self::PvGlass(glass) => glass.reflectance(incident),
+            Self::Facets(facets) => facets.reflectance(incident),
+            Self::Mixture(mixture) => mixture.reflectance(incident),
             Self::Measured(measured) => measured.reflectance(incident),
+        }
+    }
+
+    /// Share of the light from `incident` that goes into a delta lobe, which [`Self::evaluate`]
+    /// can't say.
+    pub fn mirrored(&self, incident: DVec3) -> f64 {
+        match self {
+            Self::Mirror { .. } | Self::Glass { .. } => self.reflectance(incident),
+            Self::Facets(facets) => facets.mirrored(incident.z),
+            Self::Mixture(mixture) => mixture.mirrored(incident),
+            Self::Lambertian { .. } | Self::PvGlass(_) | Self::Measured(_) => 0.0,
         }
     }
 
@@ -196,6 +237,12 @@ impl Bsdf {
 }
 
 impl PvGlass {
+    /// Refractive index, roughness alpha, and `rho / (1 - Fm)`: all that [`Bsdf::evaluate`]
+    /// depends on, for those who evaluate many suns at once.
+    pub fn parts(&self) -> (f64, f64, f64) {
+        (self.index, self.ggx.alpha, self.diffuse)
+    }
+
     /// Bounds of the two terms' sampling weights.
     #[inline]
     fn bounds(&self, cos: f64) -> (f64, f64) {

@@ -13,7 +13,9 @@ const PAIRS: u64 = 20_000;
 /// Azimuths that a total is taken over.
 const AROUND: u32 = 64;
 /// Share of the light in one cell from which on the cell decides the lobe's width.
-const CONCENTRATED: f64 = 0.3;
+const CONCENTRATED: f64 = 0.2;
+/// The sun's disc; no reflection of it is narrower.
+const SUN_DEG: f64 = 0.53;
 
 /// How far values are from `f(a, b) = f(b, a)`.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
@@ -25,11 +27,34 @@ pub struct Reciprocity {
     pub most: f64,
 }
 
-fn from_angle(polar_deg: f64, turns: f64) -> DVec3 {
+pub(super) fn from_angle(polar_deg: f64, turns: f64) -> DVec3 {
     let (cos, sin) = on_circle(turns);
     let polar = polar_deg.to_radians();
     let radius = libm::sin(polar);
     DVec3::new(radius * cos, radius * sin, libm::cos(polar))
+}
+
+impl Reciprocity {
+    /// Compares 20,000 pairs of directions both ways.
+    pub fn of(value: impl Fn(DVec3, DVec3) -> f64) -> Self {
+        let (mut difference, mut sum, mut most) = (0.0, 0.0, 0.0_f64);
+        for n in 0..PAIRS {
+            let mut random = Stream::new(0, Purpose::Survey, n);
+            let mut next = || {
+                let (u, v) = (random.uniform(), random.uniform());
+                on_hemisphere(u, v)
+            };
+            let (a, b) = (next(), next());
+            let (there, back) = (value(a, b), value(b, a));
+            let off = (there - back).abs();
+            difference += off;
+            sum += 0.5 * (there + back);
+            if there + back > 0.0 {
+                most = most.max(off / (there + back));
+            }
+        }
+        Self { mean: if sum > 0.0 { difference / sum } else { 0.0 }, most }
+    }
 }
 
 impl Measured {
@@ -42,27 +67,6 @@ impl Measured {
             out = [out[0].min(total), out[1] + total / f64::from(AROUND), out[2].max(total)];
         }
         out
-    }
-
-    /// Compares 20,000 pairs of directions both ways.
-    pub fn reciprocity(&self) -> Reciprocity {
-        let (mut difference, mut sum, mut most) = (0.0, 0.0, 0.0_f64);
-        for n in 0..PAIRS {
-            let mut random = Stream::new(0, Purpose::Survey, n);
-            let mut next = || {
-                let (u, v) = (random.uniform(), random.uniform());
-                on_hemisphere(u, v)
-            };
-            let (a, b) = (next(), next());
-            let (there, back) = (self.evaluate(a, b), self.evaluate(b, a));
-            let off = (there - back).abs();
-            difference += off;
-            sum += 0.5 * (there + back);
-            if there + back > 0.0 {
-                most = most.max(off / (there + back));
-            }
-        }
-        Reciprocity { mean: if sum > 0.0 { difference / sum } else { 0.0 }, most }
     }
 
     /// Width of the cells that light from a polar angle is scattered into about its mirror
@@ -79,8 +83,10 @@ impl Measured {
                 (m.outgoing.width_deg(polar_deg), share)
             }
             Table::Tree(t) => {
-                // A cell of the square, seen as an angle about the normal.
-                let width = 2.0 * libm::asin(1.0 / f64::from(1_u32 << t.levels().min(20)));
+                // A cell of the square about the mirror direction, in the plane of incidence.
+                let half = 1.0 / f64::from(1_u32 << t.levels().min(20));
+                let sin = libm::sin(polar_deg.to_radians());
+                let width = libm::asin((sin + half).min(1.0)) - libm::asin((sin - half).max(-1.0));
                 let share = (0..AROUND)
                     .map(|i| t.peak_share(from_angle(polar_deg, f64::from(i) / f64::from(AROUND))))
                     .fold(0.0, f64::max);
@@ -94,9 +100,9 @@ impl Measured {
         let mut notes = Vec::new();
         for polar_deg in ANGLES_DEG {
             let (width_deg, share) = self.cell_at(polar_deg);
-            if share > CONCENTRATED && width_deg > 1.0 {
+            if share > CONCENTRATED && width_deg > SUN_DEG {
                 notes.push(format!(
-                    "at {polar_deg} degrees of incidence up to {:.0} % of the scattered light lies in one cell, {width_deg:.1} degrees wide: the reflection is narrower than the file can say, glare comes out wider and weaker",
+                    "at {polar_deg} degrees of incidence up to {:.0} % of the scattered light lies in one cell, {width_deg:.1} degrees wide (the sun: {SUN_DEG}): the reflection is narrower than the file can say, glare comes out wider and weaker",
                     100.0 * share
                 ));
                 break;

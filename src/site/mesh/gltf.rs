@@ -1,16 +1,22 @@
 use std::collections::{HashMap, HashSet};
 use std::path::Path;
 
-use glam::{DMat4, DVec3, DVec4};
-use gltf::accessor::{DataType, Dimensions};
+use glam::{DMat4, DVec3};
 use gltf::mesh::Mode;
 
+use super::accessor::Buffers;
 use super::model::{Colour, Facet, Mesh};
 use crate::base::{Place, limits};
+use crate::site::Files;
 use crate::site::log::Log;
 
 /// Reads a glTF or GLB file (metres, y up); `None` where faults were logged.
-pub(in crate::site) fn read(file: &Path, bytes: &[u8], log: &mut Log) -> Option<Mesh> {
+pub(in crate::site) fn read(
+    files: &Files,
+    file: &Path,
+    bytes: &[u8],
+    log: &mut Log,
+) -> Option<Mesh> {
     let place = || Place { file: file.to_owned(), ..Place::default() };
     let document = match parse(bytes) {
         Ok(document) => document,
@@ -20,7 +26,7 @@ pub(in crate::site) fn read(file: &Path, bytes: &[u8], log: &mut Log) -> Option<
         }
     };
     let mut reader = Reader {
-        buffers: Vec::new(),
+        buffers: Buffers(Vec::new()),
         mesh: Mesh::default(),
         objects: HashMap::new(),
         materials: HashMap::new(),
@@ -28,8 +34,8 @@ pub(in crate::site) fn read(file: &Path, bytes: &[u8], log: &mut Log) -> Option<
         left_out: 0,
         textured: 0,
     };
-    let read = buffers(file, &document).and_then(|buffers| {
-        reader.buffers = buffers;
+    let read = buffers(files, file, &document).and_then(|buffers| {
+        reader.buffers = Buffers(buffers);
         reader.scene(&document)
     });
     if let Err(message) = read {
@@ -56,7 +62,14 @@ fn parse(bytes: &[u8]) -> Result<gltf::Gltf, String> {
     let words = |e: gltf::Error| e.to_string();
     let gltf::Gltf { document, blob } =
         gltf::Gltf::from_slice_without_validation(bytes).map_err(words)?;
-    let json = document.into_json();
+    let mut json = document.into_json();
+    if let Some(name) = json.extensions_required.iter().find(|name| name.contains("compression")) {
+        return Err(format!(
+            "it requires {name}: compressed meshes aren't read; export it without compression"
+        ));
+    }
+    // The library doesn't know it, we do.
+    json.extensions_required.retain(|name| name != "KHR_mesh_quantization");
     let primitives = json.meshes.iter().flat_map(|mesh| &mesh.primitives);
     for index in primitives.flat_map(|primitive| primitive.attributes.values()) {
         if index.value() >= json.accessors.len() {
@@ -68,7 +81,7 @@ fn parse(bytes: &[u8]) -> Result<gltf::Gltf, String> {
 }
 
 /// The bytes of every buffer.
-fn buffers(file: &Path, document: &gltf::Gltf) -> Result<Vec<Vec<u8>>, String> {
+fn buffers(files: &Files, file: &Path, document: &gltf::Gltf) -> Result<Vec<Vec<u8>>, String> {
     let mut out = Vec::new();
     for buffer in document.buffers() {
         let bytes = match buffer.source() {
@@ -79,7 +92,7 @@ fn buffers(file: &Path, document: &gltf::Gltf) -> Result<Vec<Vec<u8>>, String> {
                         data.split_once(";base64,").ok_or("a buffer's data URI isn't base64")?;
                     base64(text).ok_or("a buffer's base64 text is damaged")?
                 }
-                None => external(file, uri)?,
+                None => external(files, file, uri)?,
             },
         };
         if bytes.len() < buffer.length() {
@@ -95,14 +108,11 @@ fn buffers(file: &Path, document: &gltf::Gltf) -> Result<Vec<Vec<u8>>, String> {
     Ok(out)
 }
 
-fn external(file: &Path, uri: &str) -> Result<Vec<u8>, String> {
+fn external(files: &Files, file: &Path, uri: &str) -> Result<Vec<u8>, String> {
     let path = file.parent().unwrap_or(Path::new("")).join(unescaped(uri));
-    let failed = |why: String| format!("can't read the buffer `{}`: {why}", path.display());
-    let meta = std::fs::metadata(&path).map_err(|e| failed(e.to_string()))?;
-    if !meta.is_file() || meta.len() > limits::MAX_TEXT_FILE_BYTES {
-        return Err(failed("it is no ordinary file, or too large".to_owned()));
-    }
-    std::fs::read(&path).map_err(|e| failed(e.to_string()))
+    let read = files.read(&path, limits::MAX_TEXT_FILE_BYTES);
+    let failed = |why| format!("can't read the buffer `{}`: {why}", path.display());
+    Ok(read.map_err(failed)?.into_owned())
 }
 
 /// Replaces %20 and the like.
@@ -150,7 +160,7 @@ fn base64(text: &str) -> Option<Vec<u8>> {
 }
 
 struct Reader {
-    buffers: Vec<Vec<u8>>,
+    buffers: Buffers,
     mesh: Mesh,
     objects: HashMap<String, u32>,
     /// By index; `None` is the material of primitives without one.
@@ -201,20 +211,14 @@ impl Reader {
             return Ok(());
         }
         let Some(accessor) = primitive.get(&gltf::Semantic::Positions) else { return Ok(()) };
-        if (accessor.data_type(), accessor.dimensions()) != (DataType::F32, Dimensions::Vec3) {
-            return Err(format!(
-                "accessor {}: positions are three 32-bit floats; quantised ones aren't read",
-                accessor.index()
-            ));
-        }
         let first = self.mesh.points.len() as u32;
-        let count = accessor.count();
-        for i in 0..self.bounded(&accessor)? {
-            let raw = self.item(&accessor, i, 12)?;
-            let at = |k: usize| {
-                f64::from(f32::from_le_bytes([raw[k], raw[k + 1], raw[k + 2], raw[k + 3]]))
-            };
-            let p = world * DVec4::new(at(0), at(4), at(8), 1.0);
+        let points = self.buffers.positions(&accessor)?;
+        let count = points.len();
+        if count + self.mesh.points.len() > 3 * limits::MAX_TRIANGLES {
+            return Err(format!("more than {} vertices", 3 * limits::MAX_TRIANGLES));
+        }
+        for (i, &p) in points.iter().enumerate() {
+            let p = world * p.extend(1.0);
             let p = DVec3::new(p.x, p.y, p.z);
             if !p.is_finite() {
                 return Err(format!("accessor {}: vertex {i} lies at {p}", accessor.index()));
@@ -223,7 +227,7 @@ impl Reader {
         }
         let order: Vec<u32> = match primitive.indices() {
             None => (0..count as u32).collect(),
-            Some(indices) => self.indices(&indices, count)?,
+            Some(indices) => self.buffers.indices(&indices, count)?,
         };
         let object = self.mesh.object(&mut self.objects, name);
         let material = self.material(&primitive.material());
@@ -247,60 +251,6 @@ impl Reader {
             self.mesh.triangles.push(Facet { corners, object, material, line: 0 });
         }
         Ok(())
-    }
-
-    fn bounded(&self, accessor: &gltf::Accessor<'_>) -> Result<usize, String> {
-        let count = accessor.count();
-        if count + self.mesh.points.len() > 3 * limits::MAX_TRIANGLES {
-            return Err(format!("accessor {} claims {count} items", accessor.index()));
-        }
-        Ok(count)
-    }
-
-    /// The bytes of an accessor's item; every number in the way is a claim.
-    fn item(&self, accessor: &gltf::Accessor<'_>, i: usize, size: usize) -> Result<&[u8], String> {
-        let plain = accessor.view().filter(|_| accessor.sparse().is_none());
-        let view = plain
-            .ok_or_else(|| format!("accessor {} is sparse, which isn't read", accessor.index()))?;
-        let stride = view.stride().unwrap_or(size);
-        let from = stride.checked_mul(i).and_then(|at| at.checked_add(accessor.offset()));
-        let inside =
-            from.filter(|from| from.checked_add(size).is_some_and(|end| end <= view.length()));
-        inside
-            .and_then(|from| {
-                let start = from.checked_add(view.offset())?;
-                self.buffers.get(view.buffer().index())?.get(start..start.checked_add(size)?)
-            })
-            .ok_or_else(|| {
-                format!("accessor {}: item {i} lies outside its buffer", accessor.index())
-            })
-    }
-
-    fn indices(&self, accessor: &gltf::Accessor<'_>, vertices: usize) -> Result<Vec<u32>, String> {
-        let size = match accessor.data_type() {
-            DataType::U8 => 1,
-            DataType::U16 => 2,
-            DataType::U32 => 4,
-            other => {
-                return Err(format!(
-                    "accessor {}: indices are unsigned, found {other:?}",
-                    accessor.index()
-                ));
-            }
-        };
-        let mut out = Vec::new();
-        for i in 0..self.bounded(accessor)? {
-            let raw = self.item(accessor, i, size)?;
-            let index = raw.iter().rev().fold(0, |n: u32, &b| n << 8 | u32::from(b));
-            if index as usize >= vertices {
-                return Err(format!(
-                    "accessor {}: index {index} of {vertices} vertices",
-                    accessor.index()
-                ));
-            }
-            out.push(index);
-        }
-        Ok(out)
     }
 
     fn material(&mut self, material: &gltf::Material<'_>) -> u32 {

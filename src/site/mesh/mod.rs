@@ -4,6 +4,7 @@
 //! share edges and lie in one plane become one surface, so that a roof is one PV surface however
 //! finely it was cut up.
 
+mod accessor;
 mod gltf;
 mod model;
 mod obj;

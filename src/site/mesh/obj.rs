@@ -5,13 +5,23 @@ use glam::DVec3;
 
 use super::model::{Colour, Facet, Mesh, Polygon};
 use crate::base::{Place, limits};
+use crate::site::Files;
 use crate::site::log::Log;
 
+/// Largest material file, bytes.
+const MAX_LIBRARY_BYTES: u64 = 1 << 28;
+
 /// Reads a Wavefront OBJ file and the MTL files that it names; `None` where faults were logged.
-pub(in crate::site) fn read(file: &Path, bytes: &[u8], log: &mut Log) -> Option<Mesh> {
+pub(in crate::site) fn read(
+    files: &Files,
+    file: &Path,
+    bytes: &[u8],
+    log: &mut Log,
+) -> Option<Mesh> {
     let faults = log.faults.len();
     let stem = file.file_stem().unwrap_or_default().to_string_lossy().into_owned();
     let mut reader = Reader {
+        files,
         file,
         mesh: Mesh::default(),
         objects: HashMap::new(),
@@ -32,6 +42,7 @@ pub(in crate::site) fn read(file: &Path, bytes: &[u8], log: &mut Log) -> Option<
 }
 
 struct Reader<'a> {
+    files: &'a Files,
     file: &'a Path,
     mesh: Mesh,
     objects: HashMap<String, u32>,
@@ -220,11 +231,9 @@ impl Reader<'_> {
             rest.split_ascii_whitespace().map(|n| folder.join(n)).collect()
         };
         for path in names {
-            let readable = std::fs::metadata(&path).is_ok_and(|m| m.is_file() && m.len() < 1 << 28);
-            let bytes = if readable { std::fs::read(&path).ok() } else { None };
-            match bytes {
-                Some(bytes) => self.colours(&String::from_utf8_lossy(&bytes)),
-                None => {
+            match self.files.read(&path, MAX_LIBRARY_BYTES) {
+                Ok(bytes) => self.colours(&String::from_utf8_lossy(&bytes)),
+                Err(_) => {
                     let message = format!(
                         "can't read the material file `{}`; its materials get the default reflectance",
                         path.display()

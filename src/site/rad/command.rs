@@ -41,15 +41,18 @@ impl Copy {
     }
 }
 
+/// The text of a file that `xform -f` names, or why it can't be read.
+pub(super) type Open<'a> = &'a mut dyn FnMut(&str) -> Result<String, String>;
+
 /// Reads a command line (without its `!`): `xform … FILE…` or `cat FILE…`, through further
 /// `xform`s where pipes lead to them. No shell is involved: what one would expand is refused.
-pub(super) fn parse(line: &str) -> Result<Command, String> {
+pub(super) fn parse(line: &str, open: Open<'_>) -> Result<Command, String> {
     let mut stages = split(line)?.into_iter();
     let first = stages.next().unwrap_or_default();
     let name = first.first().map_or("", String::as_str);
     let base = name.rsplit(['/', '\\']).next().unwrap_or(name);
     let mut command = match base {
-        "xform" => xform(&first[1..])?,
+        "xform" => xform(&first[1..], open)?,
         "cat" => {
             if let Some(option) = first[1..].iter().find(|a| a.starts_with('-')) {
                 return Err(format!("cat's option `{option}` isn't known here"));
@@ -71,7 +74,7 @@ pub(super) fn parse(line: &str) -> Result<Command, String> {
         if name.rsplit('/').next() != Some("xform") {
             return Err(format!("`{name}` isn't run: only `xform` may follow a pipe"));
         }
-        let next = xform(&stage[1..])?;
+        let next = xform(&stage[1..], open)?;
         if let Some(file) = next.files.first() {
             return Err(format!("xform after a pipe reads what comes through it, not `{file}`"));
         }
@@ -142,7 +145,7 @@ fn split(line: &str) -> Result<Vec<Vec<String>>, String> {
     Ok(stages)
 }
 
-fn xform(arguments: &[String]) -> Result<Command, String> {
+fn xform(arguments: &[String], open: Open<'_>) -> Result<Command, String> {
     // The number of copies is known before any is made.
     let mut copies = 1_u64;
     for pair in arguments.windows(2).filter(|pair| pair[0] == "-a") {
@@ -153,34 +156,64 @@ fn xform(arguments: &[String]) -> Result<Command, String> {
     }
     bounded(copies)?;
     let mut command = Command { files: Vec::new(), copies: Vec::new() };
-    arrays(arguments, &mut command)?;
+    arrays(arguments, 0, open, &mut command)?;
     Ok(command)
 }
 
-/// xform.c's doarray(): an array is so many runs with `-a N` replaced by `-i 0`, `-i 1`, …
-fn arrays(arguments: &[String], out: &mut Command) -> Result<(), String> {
-    let Some(at) = arguments.iter().position(|a| a == "-a") else {
+/// xform.c's doarray() and doargf(): an array is so many runs with `-a N` replaced by `-i 0`,
+/// `-i 1`, …; a file of arguments is a run for each of its lines, which stands for `-f FILE`.
+fn arrays(
+    arguments: &[String],
+    depth: usize,
+    open: Open<'_>,
+    out: &mut Command,
+) -> Result<(), String> {
+    let Some(at) = arguments.iter().position(|a| a == "-a" || a == "-f") else {
         return single(arguments, out);
     };
-    let given = arguments.get(at + 1).and_then(|n| count(n));
-    let n = given.ok_or("expected a number of copies after -a")?;
+    if depth > limits::MAX_NESTING {
+        return Err(format!(
+            "more than {} arrays and files of arguments in each other; does one name itself?",
+            limits::MAX_NESTING
+        ));
+    }
+    let next = arguments.get(at + 1);
+    if arguments[at] == "-f" {
+        let text = open(next.ok_or("expected a file of arguments after -f")?)?;
+        let lines = text.lines().map(str::trim).filter(|l| !l.is_empty() && !l.starts_with('#'));
+        for (i, line) in lines.enumerate() {
+            let words = split(line)?.into_iter().next().unwrap_or_default();
+            let mut run = arguments.to_vec();
+            run.splice(at..at + 2, words);
+            number(&mut run, i as u64, 'i');
+            arrays(&run, depth + 1, open, out)?;
+        }
+        return Ok(());
+    }
+    let n = next.and_then(|n| count(n)).ok_or("expected a number of copies after -a")?;
+    bounded(n)?;
     for i in 0..n {
         let mut run = arguments.to_vec();
         run[at] = "-i".to_owned();
         run[at + 1] = i.to_string();
-        let mut named = false;
-        for k in 1..run.len() {
-            if arguments[k - 1] == "-n" {
-                run[k] = format!("{}.{i}", arguments[k]);
-                named = true;
-            }
-        }
-        if !named {
-            run.splice(0..0, ["-n".to_owned(), format!("a{i}")]);
-        }
-        arrays(&run, out)?;
+        number(&mut run, i, 'a');
+        arrays(&run, depth + 1, open, out)?;
     }
     Ok(())
+}
+
+/// Names the copy of an array: `-n NAME` becomes `NAME.I`; without a name it is `aI` or `iI`.
+fn number(run: &mut Vec<String>, i: u64, letter: char) {
+    let mut named = false;
+    for k in 1..run.len() {
+        if run[k - 1] == "-n" {
+            run[k] = format!("{}.{i}", run[k]);
+            named = true;
+        }
+    }
+    if !named {
+        run.splice(0..0, ["-n".to_owned(), format!("{letter}{i}")]);
+    }
 }
 
 fn single(arguments: &[String], out: &mut Command) -> Result<(), String> {
@@ -204,9 +237,6 @@ fn single(arguments: &[String], out: &mut Command) -> Result<(), String> {
                 copy.inverts = !copy.inverts;
                 at += 1;
             }
-            ("-f", _) => {
-                return Err("xform's -f (arguments from a file) isn't followed: write one xform line for each of its lines".into());
-            }
             _ => break,
         }
     }
@@ -220,6 +250,7 @@ fn single(arguments: &[String], out: &mut Command) -> Result<(), String> {
         out.files = files.to_vec();
     }
     out.copies.push(copy);
+    bounded(out.copies.len() as u64)?;
     Ok(())
 }
 
@@ -278,21 +309,40 @@ pub(super) fn transform(arguments: &[String]) -> Result<(Transform, usize), Stri
 mod tests {
     use super::*;
 
+    fn parsed(line: &str) -> Result<Command, String> {
+        parse(line, &mut |name| match name {
+            "list" => Ok("-t 1 0 0\n# no\n\n -n k -t 2 0 0 -a 2 -rz 90\n".into()),
+            "self" => Ok("-f self\n".into()),
+            _ => Err(format!("can't read `{name}`")),
+        })
+    }
+
+    #[test]
+    fn arguments_from_a_file_are_an_array() {
+        // As xform of Radiance names them.
+        let c = parsed("xform -t 0 0 9 -f list -i 1 -t 0 7 0 a.rad").unwrap();
+        let names: Vec<_> = c.copies.iter().map(|c| c.prefix.as_deref().unwrap()).collect();
+        assert_eq!(names, ["i0", "k.1.0", "k.1.1"]);
+        let p = c.copies[2].transform.point(DVec3::ZERO);
+        assert!((p - DVec3::new(2.0, 7.0, 9.0)).length() < 1e-12, "{p}");
+        assert!(parsed("xform -f self a.rad").unwrap_err().contains("name itself"));
+    }
+
     #[test]
     fn arrays_nest_and_repeat() {
-        let c = parse("xform -n b -a 3 -t 1 0 0 -a 2 -t 0 5 0 -i 1 -rz 90 part.rad").unwrap();
+        let c = parsed("xform -n b -a 3 -t 1 0 0 -a 2 -t 0 5 0 -i 1 -rz 90 part.rad").unwrap();
         assert_eq!((c.files.len(), c.copies.len()), (1, 6));
         assert_eq!(c.copies[5].prefix.as_deref(), Some("b.2.1"));
         let p = c.copies[5].transform.point(DVec3::ZERO);
         assert!((p - DVec3::new(-5.0, 2.0, 0.0)).length() < 1e-12, "{p}");
-        let plain = parse("xform -a 2 -a 2 -t 1 0 0 'a b.rad'").unwrap();
+        let plain = parsed("xform -a 2 -a 2 -t 1 0 0 'a b.rad'").unwrap();
         assert_eq!(plain.copies[3].prefix.as_deref(), Some("a1.1"));
         assert_eq!(plain.files, ["a b.rad"]);
     }
 
     #[test]
     fn pipes_apply_one_after_another() {
-        let c = parse("cat a.rad b.rad | xform -m red -t 1 0 0 | xform -n x -mx").unwrap();
+        let c = parsed("cat a.rad b.rad | xform -m red -t 1 0 0 | xform -n x -mx").unwrap();
         assert_eq!(c.files, ["a.rad", "b.rad"]);
         assert_eq!(c.copies[0].transform.point(DVec3::ZERO), DVec3::NEG_X);
         assert!(c.copies[0].transform.mirrors());
@@ -306,14 +356,15 @@ mod tests {
             ("genbox wall house 1 2 3", "`genbox` isn't run"),
             ("xform -t 1 0 a.rad", "expected a number after -t"),
             ("xform -t 1 0 0", "names no file"),
-            ("xform -f list a.rad", "-f"),
+            ("xform -f nothing a.rad", "`nothing`"),
+            ("xform -a 1000 -f list -a 1000 a.rad", "1000000 copies"),
             ("cat a.rad; rm b", "`;`"),
             ("cat $HOME/a.rad", "`$`"),
             ("cat a.rad | grep x", "`grep`"),
             ("xform -i 99999999999 -t 1 0 0 a.rad", "copies"),
             ("", "isn't run"),
         ] {
-            let message = parse(line).unwrap_err();
+            let message = parsed(line).unwrap_err();
             assert!(message.contains(word), "{line}: {message}");
         }
     }

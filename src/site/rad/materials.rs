@@ -147,6 +147,12 @@ pub(super) fn material(
             takes(&[5], "red, green, blue, index, Hartmann's constant")?;
             (normal_incidence(1.0, reals[3]), false, None)
         }
+        "interface" => {
+            takes(&[8], "red, green, blue, index inside, then outside")?;
+            (normal_incidence(1.0, reals[3] / reals[7]), false, None)
+        }
+        // What they are is said by `measured`.
+        "BSDF" | "aBSDF" => ([default_reflectance; 3], true, None),
         "light" | "glow" | "spotlight" => {
             takes(
                 match kind {
@@ -173,6 +179,26 @@ pub(super) fn material(
     };
     let reflectance = reflectance.map(|v| v.clamp(0.0, 1.0) as f32);
     Ok(Made { material: Material { name: name.to_owned(), reflectance, diffuse }, caveat })
+}
+
+/// What isn't followed of a scene surface with a measured BSDF, after the manual's lists of strings:
+/// `BSDF` thickness file up-x up-y up-z function transform, `aBSDF` the same without thickness.
+pub(super) fn measured(kind: &str, strings: &[&str], default_reflectance: f64) -> Option<String> {
+    let (thickness, rest) = match (kind, strings) {
+        ("BSDF", [thickness, rest @ ..]) => (*thickness, rest),
+        ("aBSDF", rest) => ("0", rest),
+        ("BSDF", _) => ("0", &[][..]),
+        _ => return None,
+    };
+    let file = rest.first().copied().unwrap_or("?");
+    let up = rest.get(1..4).map_or_else(String::new, |up| format!(", up {}", up.join(" ")));
+    let proxy = match thickness.parse::<f64>() {
+        Ok(0.0) => String::new(),
+        _ => format!(", thickness {thickness} (the geometry that it stands for isn't looked for)"),
+    };
+    Some(format!(
+        "{kind} from `{file}`{up}{proxy}: surfaces of the scene aren't scattered by it; taken as diffuse with the default reflectance {default_reflectance}. For PV name the file under [[material]] bsdf"
+    ))
 }
 
 fn scaled(reals: &[f64], by: f64) -> [f64; 3] {
@@ -205,6 +231,19 @@ mod tests {
         assert!(of("plastic", &[1.5, 0.0, 0.0, 0.0, 0.0]).caveat.unwrap().contains("1.5"));
         let few = material("plastic", "m", &[0.5, 0.5, 0.5], 0.3).unwrap_err();
         assert!(few.contains("5 numbers") && few.contains("found 3"), "{few}");
+    }
+
+    #[test]
+    fn measured_files_are_named() {
+        let strings = ["0", "blind.xml", "0", "0", "1", "."];
+        let said = measured("BSDF", &strings, 0.3).unwrap();
+        assert!(said.contains("`blind.xml`, up 0 0 1:") && said.contains("0.3"), "{said}");
+        let said = measured("BSDF", &["0.1", "blind.xml", "0", "0", "1", "."], 0.3).unwrap();
+        assert!(said.contains("thickness 0.1"), "{said}");
+        assert!(measured("aBSDF", &strings[1..], 0.3).unwrap().contains("`blind.xml`, up 0 0 1"));
+        assert!(measured("BSDF", &[], 0.3).is_some() && measured("plastic", &[], 0.3).is_none());
+        let interface = material("interface", "m", &[1.0, 1.0, 1.0, 1.5, 1.0, 1.0, 1.0, 1.33], 0.3);
+        assert!((interface.unwrap().material.reflectance[0] - 0.0036).abs() < 1e-4);
     }
 
     #[test]

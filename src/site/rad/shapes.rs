@@ -4,18 +4,22 @@ use crate::base::Frame;
 
 /// Largest distance between a curved surface and the chord that stands for it, m.
 const CHORD_ERROR_M: f64 = 0.01;
-/// Fewest and most chords of a full circle.
-const SEGMENTS: std::ops::RangeInclusive<usize> = 16..=256;
+/// Fewest chords of a full circle.
+const FEWEST: usize = 16;
+/// Most chords of a circle: the bound is kept up to a radius of 8 km.
+const MOST: usize = 2048;
+/// Most chords of a ball's equator: the bound is kept up to a radius of 500 m.
+const MOST_OF_BALL: usize = 512;
 
 /// How many chords a circle gets so that none lies further than a centimetre inside it.
-fn segments(radius_m: f64) -> usize {
+fn segments(radius_m: f64, most: usize) -> usize {
     if radius_m <= CHORD_ERROR_M {
-        return *SEGMENTS.start();
+        return FEWEST;
     }
     let half_angle = libm::acos(1.0 - CHORD_ERROR_M / radius_m);
     let n = libm::ceil(std::f64::consts::PI / half_angle);
     // Even, so that a ball is symmetric.
-    (n as usize).next_multiple_of(2).clamp(*SEGMENTS.start(), *SEGMENTS.end())
+    (n as usize).next_multiple_of(2).clamp(FEWEST, most)
 }
 
 /// Points of a circle in the plane of a frame.
@@ -39,7 +43,7 @@ fn flip_if(inward: bool, mut corners: Vec<DVec3>) -> Vec<DVec3> {
 
 /// A ball: corners of triangles, three each, fronts outward, or inward for a bubble.
 pub(super) fn sphere(centre: DVec3, radius_m: f64, inward: bool) -> Vec<DVec3> {
-    let n = segments(radius_m);
+    let n = segments(radius_m, MOST_OF_BALL);
     let bands = n / 2;
     let frame = Frame::around(DVec3::Z);
     let ring = |band: usize| {
@@ -86,7 +90,7 @@ pub(super) fn cone(
         return Err("its two ends are one point");
     }
     let frame = Frame::around(axis / length_m);
-    let n = segments(radii_m[0].max(radii_m[1]));
+    let n = segments(radii_m[0].max(radii_m[1]), MOST);
     let below = circle(&frame, ends[0], radii_m[0], n);
     let above = circle(&frame, ends[1], radii_m[1], n);
     let mut corners = Vec::with_capacity(6 * n);
@@ -114,9 +118,9 @@ pub(super) fn ring(
     }
     let frame = Frame::around(normal / length);
     let (inner, outer) = (radii_m[0].min(radii_m[1]), radii_m[0].max(radii_m[1]));
-    let mut rings = vec![circle(&frame, centre, outer, segments(outer))];
+    let mut rings = vec![circle(&frame, centre, outer, segments(outer, MOST))];
     if inner > 0.0 {
-        rings.push(circle(&frame, centre, inner, segments(inner)));
+        rings.push(circle(&frame, centre, inner, segments(inner, MOST)));
     }
     Ok(rings)
 }
@@ -174,9 +178,9 @@ mod tests {
 
     #[test]
     fn circles_get_as_many_chords_as_they_need() {
-        assert_eq!(segments(0.1), 16);
-        for radius in [1.0, 5.0, 20.0] {
-            let n = segments(radius);
+        assert_eq!(segments(0.1, MOST), 16);
+        for radius in [1.0, 5.0, 20.0, 1000.0] {
+            let n = segments(radius, MOST);
             let sagitta = |n: f64| radius * (1.0 - libm::cos(std::f64::consts::PI / n));
             assert!(sagitta(n as f64) <= CHORD_ERROR_M * 1.000_001);
             assert!(n == 16 || sagitta(n as f64 - 2.0) > CHORD_ERROR_M);

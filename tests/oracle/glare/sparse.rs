@@ -8,7 +8,7 @@ use glintmap::glare::{self, Calendar, ReadFailure, Slices};
 use glintmap::volume::Volume;
 
 use super::volumes::{Dice, Memory, segments};
-use super::{Case, assert_same, plan, run, twin};
+use super::{Case, Found, assert_same, plan, run, twin};
 use crate::support::series::Dense;
 
 /// A volume that knows which tiles of a slice are dark, and touches nothing that it needn't.
@@ -60,7 +60,7 @@ impl Slices for Knowing {
     }
 }
 
-fn analyse(case: &Case, volume: &dyn Slices, steps: glare::Plan) -> (glare::Analysis, Vec<f32>) {
+fn analyse(case: &Case, volume: &dyn Slices, steps: glare::Plan) -> (Found, Vec<f32>) {
     let mut filtered = Vec::new();
     let mut keep = |_: usize, slice: &[f32]| {
         filtered.extend_from_slice(slice);
@@ -75,7 +75,7 @@ fn analyse(case: &Case, volume: &dyn Slices, steps: glare::Plan) -> (glare::Anal
         &Silent,
     )
     .unwrap_or_else(|e| panic!("{}: {e}", case.name));
-    (analysis, filtered)
+    (analysis.into(), filtered)
 }
 
 #[test]

@@ -4,8 +4,9 @@ use std::collections::BTreeMap;
 use std::ops::Range;
 
 use glintmap::base::Grid;
-use glintmap::glare::{Analysis, Connectivity, Event, Settings};
+use glintmap::glare::{Connectivity, Event, Settings};
 
+use super::Found;
 use super::volumes::Memory;
 
 /// What [`glintmap::glare::analyse`] should give, and the filtered volume.
@@ -13,7 +14,7 @@ pub fn analyse(
     volume: &Memory,
     segments: &[Range<usize>],
     settings: &Settings,
-) -> (Analysis, Vec<f32>) {
+) -> (Found, Vec<f32>) {
     let [_, rows, columns] = volume.shape;
     let pixels = rows * columns;
     let mut filtered = volume.data.clone();
@@ -54,7 +55,7 @@ pub fn analyse(
     }
     let [cumulative, sustained, longest_run] = maps.map(|m| Grid::from_vec(columns, rows, m));
     let nonfinite = volume.data.iter().filter(|v| !v.is_finite()).count() as u64;
-    let analysis = Analysis {
+    let analysis = Found {
         cumulative,
         sustained,
         longest_run,

@@ -11,12 +11,12 @@ use glintmap::base::{
     Stream, Tally, TileRect, TileSink,
 };
 use glintmap::pages::{About, Access, OpenOptions, Spill, Store, build};
-use glintmap::render::{Estimator, Gather, Hit, HitKind, HitMap, Quantity, annual, series};
+use glintmap::render::{Fused, Gather, Hit, HitKind, HitMap, Quantity, annual, series};
 
 use super::pool;
 
 /// A store of photons on the plane z = 0, as `trace` and `run` would make it.
-fn store_of(folder: &Path, photons: &[Photon], timesteps: u32) -> Store {
+pub fn store_of(folder: &Path, photons: &[Photon], timesteps: u32) -> Store {
     let bounds = Aabb { min: vec3(-6.0, -6.0, -1.0), max: vec3(6.0, 6.0, 1.0) };
     let (spill, path) = (folder.join("spill"), folder.join("photons.gmp"));
     let mut sink = Spill::create(&spill, bounds, photons.len() as u64, 64 << 20).expect("spills");
@@ -92,7 +92,7 @@ impl TileSink for Tiles {
 const TIMESTEPS: u32 = 30;
 
 fn settings(bandwidth: usize) -> Gather {
-    Gather { bandwidth, max_radius_m: Some(1.5), estimator: Estimator::Photons }
+    Gather { bandwidth, max_radius_m: Some(1.5), ..Gather::default() }
 }
 
 /// Annual map and series of a store against sums over all of its photons, and against the truth:
@@ -106,12 +106,12 @@ fn maps_and_series_are_sums_over_the_store() {
     let hits = plane_hits(70);
     let weights: Vec<f64> = (0..TIMESTEPS).map(|t| 1.0 + f64::from(t) / 10.0).collect();
     let k = 150;
-    let map = annual(&store, &hits, &weights, &settings(k), &Silent).expect("gathers");
+    let map = annual(&store, None, &hits, &weights, &settings(k), &Silent).expect("gathers");
     let sink = Tiles::default();
-    let summary =
-        series(&store, &hits, &settings(k), Quantity::Surface, &sink, &Silent).expect("gathers");
+    let summary = series(&store, None, &hits, &settings(k), Quantity::Surface, &sink, &Silent)
+        .expect("gathers");
     let steep = Tiles::default();
-    series(&store, &hits, &settings(k), Quantity::Normal, &steep, &Silent).expect("gathers");
+    series(&store, None, &hits, &settings(k), Quantity::Normal, &steep, &Silent).expect("gathers");
 
     let tiles = sink.tiles.into_inner().expect("unpoisoned");
     let mut rows = BTreeMap::new();
@@ -165,6 +165,7 @@ fn maps_and_series_are_sums_over_the_store() {
     let sigma = truth * 0.09 / (lit as f64 / 3.0).sqrt();
     assert!((mean - truth).abs() < 4.0 * sigma, "{mean}, expected {truth} +- {sigma}");
 
+    let summary = summary.summary;
     let entries: usize = tiles.values().map(Vec::len).sum();
     assert_eq!(summary.lit_timesteps, entries as u64);
     let per = summary.photons_per_lit_timestep().expect("lit");
@@ -187,10 +188,13 @@ fn the_gather_is_the_same_for_any_threads_and_resumes() {
     let weights = vec![1.0; TIMESTEPS as usize];
     let both = [1, 2].map(|threads| {
         pool(threads, || {
-            let map = annual(&store, &hits, &weights, &settings(60), &Silent).expect("gathers");
+            let map =
+                annual(&store, None, &hits, &weights, &settings(60), &Silent).expect("gathers");
             let sink = Tiles::default();
-            let summary = series(&store, &hits, &settings(60), Quantity::Surface, &sink, &Silent)
-                .expect("gathers");
+            let summary =
+                series(&store, None, &hits, &settings(60), Quantity::Surface, &sink, &Silent)
+                    .expect("gathers");
+            let summary = (summary.summary, summary.photon_w_m2, summary.radius_m);
             (map, sink.tiles.into_inner().expect("unpoisoned"), summary)
         })
     });
@@ -198,8 +202,10 @@ fn the_gather_is_the_same_for_any_threads_and_resumes() {
     // Some tiles are there: only the others are rendered, and all is as before.
     let kept: BTreeMap<_, _> = both[0].1.clone().into_iter().step_by(2).collect();
     let sink = Tiles { tiles: Mutex::new(kept), puts: Mutex::new(0) };
-    let summary = series(&store, &hits, &settings(60), Quantity::Surface, &sink, &Silent);
-    assert_eq!(summary.expect("gathers").tiles_present, 5);
+    let summary = series(&store, None, &hits, &settings(60), Quantity::Surface, &sink, &Silent);
+    let again = summary.expect("gathers");
+    assert_eq!(again.summary.tiles_present, 5);
+    assert_eq!(again.photon_w_m2, both[0].2.1, "the noise of tiles that were there, too");
     assert_eq!(*sink.puts.lock().expect("unpoisoned"), 4);
     assert_eq!(sink.tiles.into_inner().expect("unpoisoned"), both[0].1);
 }
@@ -211,7 +217,7 @@ fn too_few_photons_and_wrong_settings() {
     // 40 photons, 4,000 asked for: all within the radius count, over the radius' disc.
     let few = photons_on_the_plane(40, 3);
     let store = store_of(folder.path(), &few, 3);
-    let map = annual(&store, &hits, &[1.0; 3], &settings(4000), &Silent).expect("gathers");
+    let map = annual(&store, None, &hits, &[1.0; 3], &settings(4000), &Silent).expect("gathers");
     let mut zeros = 0;
     for (i, hit) in hits.hits.iter().enumerate().filter(|(_, h)| h.kind.receives()) {
         let near = |p: &&Photon| p.normal.z > 0.0 && p.position.distance(hit.position) < 1.5;
@@ -223,7 +229,7 @@ fn too_few_photons_and_wrong_settings() {
     }
     assert!(zeros > 5, "{zeros} pixels without photons");
     let fault = |g: Gather, weights: &[f64]| {
-        annual(&store, &hits, weights, &g, &Silent).expect_err("refuses").to_string()
+        annual(&store, None, &hits, weights, &g, &Silent).expect_err("refuses").to_string()
     };
     assert!(fault(settings(1), &[1.0; 3]).contains("bandwidth is 1"));
     assert!(fault(settings(9), &[1.0; 4]).contains("3 timesteps"));
@@ -233,10 +239,48 @@ fn too_few_photons_and_wrong_settings() {
     let empty = tempfile::tempdir().expect("a folder");
     let store = store_of(empty.path(), &[], 3);
     let own = Gather { max_radius_m: None, ..settings(50) };
-    let map = annual(&store, &hits, &[1.0; 3], &own, &Silent).expect("gathers");
+    let map = annual(&store, None, &hits, &[1.0; 3], &own, &Silent).expect("gathers");
     assert!(map.surface.data().iter().chain(map.normal.data()).all(|v| v.to_bits() == 0));
     let sink = Tiles::default();
-    let summary = series(&store, &hits, &own, Quantity::Surface, &sink, &Silent).expect("gathers");
+    let summary = series(&store, None, &hits, &own, Quantity::Surface, &sink, &Silent)
+        .expect("gathers")
+        .summary;
     assert_eq!((summary.lit_pixels, summary.photons_per_lit_timestep()), (0, None));
     assert!(sink.tiles.into_inner().expect("unpoisoned").values().all(Vec::is_empty));
+}
+
+/// Batches of a view whose series is never written hold what the written one does, to the last
+/// bit, wherever the year is cut.
+#[test]
+fn batches_are_the_written_series() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let store = store_of(folder.path(), &photons_on_the_plane(20_000, TIMESTEPS), TIMESTEPS);
+    let hits = plane_hits(70);
+    for quantity in [Quantity::Surface, Quantity::Normal] {
+        let sink = Tiles::default();
+        let written = series(&store, None, &hits, &settings(150), quantity, &sink, &Silent);
+        let fused = Fused::prepare(&store, None, &hits, &settings(150), quantity, &Silent);
+        let fused = fused.expect("prepares");
+        assert_eq!(fused.series, written.expect("gathers"));
+        let mut joined: BTreeMap<TileRect, Vec<SeriesEntry>> = BTreeMap::new();
+        let mut entries = 0;
+        for range in [0..7, 7..8, 8..30] {
+            let sink = Tiles::default();
+            fused.batch(range.clone(), &sink, &Silent).expect("renders");
+            let mut here = 0;
+            for (tile, values) in sink.tiles.into_inner().expect("unpoisoned") {
+                here += values.len() as u64;
+                assert!(values.iter().all(|e| range.contains(&e.timestep)));
+                joined.entry(tile).or_default().extend(values);
+            }
+            let bound: u64 = range.map(|t| fused.photons[t as usize]).sum();
+            assert!(here <= bound, "{here} entries, at most {bound} were promised");
+            entries += here;
+        }
+        let mut whole = sink.tiles.into_inner().expect("unpoisoned");
+        whole.retain(|_, values| !values.is_empty());
+        joined.retain(|_, values| !values.is_empty());
+        assert_eq!(joined, whole);
+        assert!(entries > 100_000, "{entries}");
+    }
 }

@@ -103,7 +103,7 @@ fn speed() {
         Model::Lambertian { reflectance: 0.25 },
         Model::Glass { index: 1.52 },
     ] {
-        let scatter = bsdf(model);
+        let scatter = bsdf(model.clone());
         let emission = Emission {
             site: &site,
             timeline: &timeline,

@@ -1,0 +1,132 @@
+use super::error::Error;
+use crate::volume::TimeAxis;
+
+/// Hours are summed as whole billionths, as the maps of the year are.
+const BILLIONTHS: f64 = 1e9;
+/// Sums of weights such as 1/12 h may miss a round number of hours by that much, h.
+const SLACK_H: f64 = 1e-6;
+
+/// The glare of one place over the year: of a point, or of anything that is dazzled or not at each
+/// timestep. No filter.
+#[derive(Clone, Debug, Default, PartialEq, serde::Serialize, serde::Deserialize)]
+pub struct SpotGlare {
+    /// Hours of the year: the sum of the weights, h.
+    pub hours: f64,
+    /// Days of the timeline with glare.
+    pub days: u32,
+    /// The longest uninterrupted run inside a segment, h.
+    pub longest_run_h: f64,
+    /// Its first timestep.
+    pub longest_run_at: u32,
+    /// The most glare of one day, h.
+    pub longest_day_h: f64,
+    /// That day, 0 is 1 January; the first of several.
+    pub longest_day: u32,
+    /// The earliest and the latest clock time with glare, local standard time, h.
+    pub between_h: Option<[f64; 2]>,
+    /// Hours of each month, h.
+    pub months_h: [f64; 12],
+}
+
+impl SpotGlare {
+    /// How many months have glare.
+    pub fn months(&self) -> usize {
+        self.months_h.iter().filter(|h| **h > 0.0).count()
+    }
+}
+
+/// An uninterrupted run of timesteps, both ends included.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Run {
+    /// First timestep.
+    pub first: usize,
+    /// Last timestep.
+    pub last: usize,
+}
+
+/// The uninterrupted runs inside the segments of all timesteps at which `dazzles`.
+pub fn runs(axis: &TimeAxis, dazzles: impl Fn(usize) -> bool) -> Vec<Run> {
+    let mut out: Vec<Run> = Vec::new();
+    for t in (0..axis.day.len()).filter(|t| dazzles(*t)) {
+        match out.last_mut() {
+            Some(run) if run.last + 1 == t && axis.segment[run.last] == axis.segment[t] => {
+                run.last = t;
+            }
+            _ => out.push(Run { first: t, last: t }),
+        }
+    }
+    out
+}
+
+/// The glare of a place that is dazzled at the timesteps for which `dazzles` says so.
+pub fn spot(axis: &TimeAxis, dazzles: impl Fn(usize) -> bool) -> SpotGlare {
+    let runs = runs(axis, dazzles);
+    let mut out = SpotGlare::default();
+    let mut longest = 0;
+    for run in &runs {
+        if run.last - run.first + 1 > longest {
+            longest = run.last - run.first + 1;
+            // Timesteps are bounded by MAX_TIMESTEPS.
+            out.longest_run_at = run.first as u32;
+        }
+    }
+    out.longest_run_h = longest as f64 * axis.step_h;
+    let (mut sum, mut months) = (0u64, [0u64; 12]);
+    let (mut today, mut most, mut day) = (0u32, 0u32, None);
+    for t in runs.iter().flat_map(|run| run.first..=run.last) {
+        let weight = (axis.weight_h[t] * BILLIONTHS).round() as u64;
+        sum += weight;
+        months[usize::from(super::year::month(axis.year, axis.day[t]))] += weight;
+        if day != Some(axis.day[t]) {
+            (day, today) = (Some(axis.day[t]), 0);
+            out.days += 1;
+        }
+        today += 1;
+        if today > most {
+            (most, out.longest_day) = (today, axis.day[t]);
+        }
+        let hour = axis.hour[t];
+        let [first, last] = out.between_h.unwrap_or([hour, hour]);
+        out.between_h = Some([first.min(hour), last.max(hour)]);
+    }
+    out.longest_day_h = f64::from(most) * axis.step_h;
+    out.hours = sum as f64 / BILLIONTHS;
+    out.months_h = months.map(|m| m as f64 / BILLIONTHS);
+    out
+}
+
+/// The irradiance, W/m2, that is reached or exceeded for half an hour of some day, and that for 50
+/// hours of the year; 0 where there is none. `series` has a value for each timestep, W/m2.
+///
+/// # Errors
+/// A series that doesn't fit the axis, a time step out of range.
+pub fn margins(axis: &TimeAxis, series: &[f32]) -> Result<[f32; 2], Error> {
+    if series.len() != axis.day.len() {
+        return Err(Error::Calendar { found: axis.day.len(), timesteps: series.len() });
+    }
+    let half_hour = (0.5 / axis.step_h - SLACK_H).ceil().max(1.0);
+    if !(axis.step_h > 0.0 && half_hour <= 1800.0) {
+        return Err(Error::Step(axis.step_h));
+    }
+    let descending = |values: &mut Vec<(f32, f64)>| values.sort_by(|a, b| b.0.total_cmp(&a.0));
+    let lit = || (0..series.len()).filter(|t| series[*t] > 0.0);
+    let mut worst_day = 0.0f32;
+    let mut all: Vec<(f32, f64)> = Vec::new();
+    let mut start = 0;
+    while start < series.len() {
+        let day = axis.day[start];
+        let end = (start..series.len()).find(|t| axis.day[*t] != day).unwrap_or(series.len());
+        let mut values: Vec<(f32, f64)> = (start..end).map(|t| (series[t], 0.0)).collect();
+        descending(&mut values);
+        worst_day = worst_day.max(values.get(half_hour as usize - 1).map_or(0.0, |v| v.0));
+        start = end;
+    }
+    all.extend(lit().map(|t| (series[t], axis.weight_h[t])));
+    descending(&mut all);
+    let mut sum = 0.0;
+    let year = all.iter().find(|(_, weight)| {
+        sum += weight;
+        sum >= 50.0 - SLACK_H
+    });
+    Ok([worst_day, year.map_or(0.0, |v| v.0)])
+}

@@ -1,0 +1,130 @@
+//! Photons parted by octree cell, one file each, within a bound on what waits in memory.
+
+use std::fs::{self, OpenOptions};
+use std::io::Write;
+use std::path::{Path, PathBuf};
+
+use glintmap_formats::checksum::crc32c_append;
+
+use super::Error;
+use super::bucket::{Bucket, RECORD_BYTES, SUFFIX, record};
+use super::morton::{Cube, LEVELS};
+use super::spill::{CHECKPOINT, SUMMARY};
+use crate::base::Photon;
+
+/// Levels of the octree by which photons are parted at once: 4,096 buckets.
+pub(super) const SPLIT_LEVELS: u32 = 4;
+/// How folders are called in which a bucket is parted once more.
+pub(super) const SPLIT_PREFIX: &str = "split-";
+
+/// Parts photons by the cells of some levels of the octree below one cell.
+pub(super) struct Parting {
+    pub dir: PathBuf,
+    pub cube: Cube,
+    level: u32,
+    pub buckets: Vec<(Vec<u8>, Bucket)>,
+    buffered: usize,
+    buffer_bytes: usize,
+    pub photons: u64,
+    expected: u64,
+}
+
+impl Parting {
+    /// Parts the photons of one cell into the cells `SPLIT_LEVELS` further down, as files in
+    /// `dir`, which is emptied of older ones.
+    pub fn create(
+        dir: &Path,
+        cube: Cube,
+        (level, cell): (u32, u64),
+        expected: u64,
+        buffer_bytes: usize,
+    ) -> Result<Self, Error> {
+        fs::create_dir_all(dir).map_err(Error::io(dir, "making the folder"))?;
+        remove_files(dir)?;
+        Ok(Self::new(dir, cube, (level, cell), expected, buffer_bytes))
+    }
+
+    /// The same, with what lies in `dir` left as it is.
+    pub fn new(
+        dir: &Path,
+        cube: Cube,
+        (level, cell): (u32, u64),
+        expected: u64,
+        buffer_bytes: usize,
+    ) -> Self {
+        let down = SPLIT_LEVELS.min(LEVELS - level);
+        let level = level + down;
+        let first = cell << (3 * down);
+        let bucket = |i| Bucket { level, cell: first + i, photons: 0, crc32c: 0 };
+        let buckets = (0..1 << (3 * down)).map(|i| (Vec::new(), bucket(i))).collect();
+        let dir = dir.to_owned();
+        Self { dir, cube, level, buckets, buffered: 0, buffer_bytes, photons: 0, expected }
+    }
+
+    pub fn push(&mut self, photon: &Photon) -> Result<(), Error> {
+        let cell = self.cube.code(photon.position) >> (3 * (LEVELS - self.level));
+        // Photons of other cells aren't given; the mask keeps the index in range all the same.
+        let last = self.buckets.len() - 1;
+        let (buffer, bucket) = &mut self.buckets[cell as usize & last];
+        record(photon, buffer);
+        bucket.photons += 1;
+        self.photons += 1;
+        self.buffered += RECORD_BYTES;
+        if self.buffered >= self.buffer_bytes { self.flush() } else { Ok(()) }
+    }
+
+    /// Writes what waits to the files.
+    pub fn flush(&mut self) -> Result<(), Error> {
+        for (buffer, bucket) in &mut self.buckets {
+            if buffer.is_empty() {
+                continue;
+            }
+            let path = bucket.path(&self.dir);
+            OpenOptions::new()
+                .create(true)
+                .append(true)
+                .open(&path)
+                .and_then(|mut file| file.write_all(buffer))
+                .map_err(Error::io(
+                    &path,
+                    format!(
+                        "appending {} bytes; {} of {} photons so far, {} bytes needed in all",
+                        buffer.len(),
+                        self.photons,
+                        self.expected,
+                        self.expected.max(self.photons).saturating_mul(RECORD_BYTES as u64)
+                    ),
+                ))?;
+            bucket.crc32c = crc32c_append(bucket.crc32c, buffer);
+            // Freed, not cleared: buckets that stay quiet must not keep what they once needed.
+            *buffer = Vec::new();
+        }
+        self.buffered = 0;
+        Ok(())
+    }
+
+    /// Writes what is left; the buckets that hold any photons, in Morton order.
+    pub fn finish(mut self) -> Result<Vec<Bucket>, Error> {
+        self.flush()?;
+        Ok(self.buckets.into_iter().map(|(_, b)| b).filter(|b| b.photons > 0).collect())
+    }
+}
+
+/// Removes the files of a spill, and nothing else.
+pub(super) fn remove_files(dir: &Path) -> Result<(), Error> {
+    let doing = "removing an older spill";
+    for entry in fs::read_dir(dir).map_err(Error::io(dir, doing))? {
+        let path = entry.map_err(Error::io(dir, doing))?.path();
+        let name = path.file_name().and_then(|n| n.to_str()).unwrap_or("");
+        if name.starts_with(SPLIT_PREFIX) && path.is_dir() {
+            fs::remove_dir_all(&path).map_err(Error::io(&path, doing))?;
+            continue;
+        }
+        let ours =
+            path.extension().is_some_and(|e| e == SUFFIX) || name == SUMMARY || name == CHECKPOINT;
+        if ours {
+            fs::remove_file(&path).map_err(Error::io(&path, doing))?;
+        }
+    }
+    Ok(())
+}

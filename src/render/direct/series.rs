@@ -1,0 +1,120 @@
+use std::sync::Mutex;
+
+use glam::Vec3;
+use rayon::prelude::*;
+
+use super::{Direct, DirectScratch, DirectYear};
+use crate::base::{Progress, SeriesEntry, SinkError, TileRect, TileSink};
+use crate::render::order::Order;
+use crate::render::{Error, HitMap, Quantity};
+
+/// The year of a tile's pixels, row-major.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct TileYear {
+    /// Radiant exposure of the surface, Wh/m2.
+    pub surface_wh_m2: Vec<f32>,
+    /// Radiant exposure on planes that face the beams, Wh/m2.
+    pub normal_wh_m2: Vec<f32>,
+    /// Bound of the quadrature's error in the first, Wh/m2.
+    pub error_wh_m2: Vec<f32>,
+}
+
+/// What was met; only of tiles that were integrated now.
+#[derive(Clone, Copy, Debug, Default, PartialEq, serde::Serialize)]
+pub struct DirectSummary {
+    /// Tiles integrated now.
+    pub tiles_rendered: u64,
+    /// Tiles that were there already.
+    pub tiles_present: u64,
+    /// Pixels where light may arrive.
+    pub pixels: u64,
+    /// Pixels where it does.
+    pub lit_pixels: u64,
+    /// Lit timesteps, summed over the pixels.
+    pub lit_timesteps: u64,
+    /// Largest bound of the quadrature's error of a pixel and timestep, W/m2.
+    pub most_error_w_m2: f64,
+}
+
+impl DirectSummary {
+    fn add(&mut self, other: &Self) {
+        self.tiles_rendered += other.tiles_rendered;
+        self.tiles_present += other.tiles_present;
+        self.pixels += other.pixels;
+        self.lit_pixels += other.lit_pixels;
+        self.lit_timesteps += other.lit_timesteps;
+        self.most_error_w_m2 = self.most_error_w_m2.max(other.most_error_w_m2);
+    }
+}
+
+/// Integrates every pixel of a view over the year, tile by tile: the time series goes into `sink`,
+/// the year's sums to `keep`, which is called for a tile before the sink seals it. Tiles that the
+/// sink has are passed over, so that an interrupted run goes on where it stopped. Memory holds the
+/// tiles at work.
+///
+/// # Errors
+/// [`Error::Sink`], [`Error::Interrupted`].
+pub fn direct_series(
+    direct: &Direct<'_>,
+    hits: &HitMap,
+    quantity: Quantity,
+    sink: &dyn TileSink,
+    keep: &(dyn Fn(TileRect, &TileYear) -> Result<(), SinkError> + Sync),
+    progress: &dyn Progress,
+) -> Result<DirectSummary, Error> {
+    let order = Order::of(hits);
+    let all = order.tiles();
+    let todo: Vec<TileRect> = all.iter().copied().filter(|&tile| !sink.has(tile)).collect();
+    let present = (all.len() - todo.len()) as u64;
+    let total = Mutex::new(DirectSummary { tiles_present: present, ..Default::default() });
+    let pixels: u64 = todo.iter().map(|tile| tile.pixels() as u64).sum();
+    progress.begin("direct integration", pixels, "pixels");
+    let weights: Vec<f64> = direct.timeline().steps.iter().map(|s| s.weight_h).collect();
+    let buffers = || (DirectScratch::default(), DirectYear::default(), Vec::new());
+    todo.par_iter().try_for_each_init(buffers, |(scratch, year, entries), &tile| {
+        let mut summary = DirectSummary { tiles_rendered: 1, ..Default::default() };
+        let zero = || vec![0.0_f32; tile.pixels()];
+        let mut sums =
+            TileYear { surface_wh_m2: zero(), normal_wh_m2: zero(), error_wh_m2: zero() };
+        entries.clear();
+        for pixel in order.pixels(tile) {
+            progress.check()?;
+            let hit = &hits.hits[order.index(tile, pixel)];
+            let [position, normal] = [hit.position, hit.normal].map(Vec3::as_dvec3);
+            direct.year(position, normal, scratch, year);
+            // A fixed order of sums.
+            year.lit.sort_unstable();
+            let (mut surface, mut facing, mut error) = (0.0, 0.0, 0.0);
+            let first = entries.len();
+            for &step in &year.lit {
+                let i = step as usize;
+                surface += year.surface_w_m2[i] * weights[i];
+                facing += year.normal_w_m2[i] * weights[i];
+                error += year.error_w_m2[i] * weights[i];
+                summary.most_error_w_m2 = summary.most_error_w_m2.max(year.error_w_m2[i]);
+                let value = match quantity {
+                    Quantity::Surface => year.surface_w_m2[i],
+                    Quantity::Normal => year.normal_w_m2[i],
+                } as f32;
+                if value > 0.0 {
+                    entries.push(SeriesEntry { timestep: step, pixel, irradiance_w_m2: value });
+                }
+            }
+            let at = usize::from(pixel);
+            sums.surface_wh_m2[at] = surface as f32;
+            sums.normal_wh_m2[at] = facing as f32;
+            sums.error_wh_m2[at] = error as f32;
+            summary.pixels += 1;
+            summary.lit_pixels += u64::from(entries.len() > first);
+            summary.lit_timesteps += (entries.len() - first) as u64;
+        }
+        entries.sort_unstable_by_key(|e: &SeriesEntry| (e.timestep, e.pixel));
+        keep(tile, &sums)?;
+        sink.put(tile, entries)?;
+        total.lock().unwrap_or_else(std::sync::PoisonError::into_inner).add(&summary);
+        progress.advance(tile.pixels() as u64);
+        Ok::<(), Error>(())
+    })?;
+    progress.finish();
+    Ok(total.into_inner().unwrap_or_else(std::sync::PoisonError::into_inner))
+}

@@ -1,0 +1,82 @@
+use glam::DVec3;
+
+use super::disc::Disc;
+use super::integral::DirectYear;
+use super::scene::{Lights, Spot};
+use crate::base::Frame;
+use crate::render::MIN_COS;
+use crate::render::facet::Facet;
+use crate::site::Site;
+use crate::site::bsdf::Bsdf;
+
+/// What an ideal mirror throws at one spot: the mirror image of the spot behind the plane looks
+/// at the sun through the facet; the share of the disc that it sees there is what arrives.
+pub(super) struct Specular<'a> {
+    pub site: &'a Site,
+    pub facet: &'a Facet,
+    pub bsdf: &'a Bsdf,
+    pub disc: &'a Disc,
+    pub spot: &'a Spot,
+    pub max_path_m: f64,
+    pub sun_visibility: bool,
+}
+
+impl Specular<'_> {
+    /// Adds one triangle of the facet.
+    pub(super) fn add(&self, triangle: &[DVec3; 3], lights: &Lights, year: &mut DirectYear) {
+        let normal = self.facet.frame.z;
+        let before_m = self.facet.before_m(self.spot.position);
+        let image = self.spot.position - normal * (2.0 * before_m);
+        let corners = triangle.map(|c| c - image);
+        let middle = (corners[0] + corners[1] + corners[2]).normalize();
+        let angle = |c: &DVec3| libm::acos((c.dot(middle) / c.length()).clamp(-1.0, 1.0));
+        // A triangle of directions lies in the cone around its corners.
+        let reach = corners.iter().map(angle).fold(0.0, f64::max) + 1.01 * self.disc.radius_rad;
+        let least = if reach < std::f64::consts::PI { libm::cos(reach) } else { -1.0 };
+        let local = self.facet.frame.local_from_world(middle);
+        let batch = &lights.batch;
+        for i in 0..batch.len() {
+            let local_sun = batch.sun(i);
+            if local_sun.dot(local) < least {
+                continue;
+            }
+            let sun = lights.in_world(self.facet, i);
+            let share = self.disc.share(&sun, &corners);
+            let away_m = before_m / local_sun.z;
+            // Where the reflected sun stands, seen from the spot.
+            let towards = sun.z - normal * (2.0 * local_sun.z);
+            let cos = self.spot.normal.dot(towards);
+            if share <= 0.0 || cos <= 0.0 || away_m > self.max_path_m {
+                continue;
+            }
+            let free = self.free(&sun, &corners, image, before_m);
+            let beam = batch.strength[i] * self.bsdf.reflectance(local_sun) * share * free;
+            year.add(batch.step[i], beam * cos, beam * cos / cos.max(f64::from(MIN_COS)), 0.0);
+        }
+    }
+
+    /// Share of the disc's points in the triangle whose way is free on both sides.
+    fn free(&self, sun: &Frame, corners: &[DVec3; 3], image: DVec3, before_m: f64) -> f64 {
+        let edges = [0, 1, 2].map(|i| corners[i].cross(corners[(i + 1) % 3]));
+        let (mut inside, mut free) = (0.0, 0.0);
+        for point in Disc::points(16) {
+            let at = self.disc.direction(sun, point);
+            let cos = self.facet.frame.z.dot(at);
+            if cos <= 0.0 || edges.iter().any(|e| e.dot(at) < 0.0) {
+                continue;
+            }
+            inside += 1.0;
+            let start = self.facet.lifted(image + at * (before_m / cos));
+            let way = self.spot.position - start;
+            let length = way.length();
+            let blocked = |way: DVec3, most: f64| {
+                self.site.bvh.occluded(start.as_vec3(), way.as_vec3(), 0.0, most as f32)
+            };
+            let hidden = blocked(way / length, (length - 1e-3).max(0.0))
+                || (self.sun_visibility && blocked(at, f64::INFINITY));
+            free += f64::from(u8::from(!hidden));
+        }
+        // A sliver of the disc between its points: taken as free.
+        if inside > 0.0 { free / inside } else { 1.0 }
+    }
+}

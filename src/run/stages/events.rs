@@ -1,0 +1,301 @@
+//! Glare events for people: when by the clock, where in the scene, and which PV surface sends
+//! them. As a table and as points of a map.
+
+use std::collections::BTreeMap;
+use std::io::{self, Write};
+use std::path::PathBuf;
+
+use glam::DVec3;
+use glintmap_formats::seal;
+use rayon::prelude::*;
+use serde_json::json;
+
+use super::receivers::sheet::quoted;
+use super::render::read_hits;
+use crate::base::Timeline;
+use crate::glare::{self, Analysis, Event};
+use crate::pages::{Access, Neighbours, OpenOptions, Query, Store};
+use crate::render::{Hit, HitMap};
+use crate::run::Error;
+use crate::run::clock::Clock;
+use crate::run::job::Job;
+use crate::run::resolve::{Candidate, PlannedView};
+use crate::site::{Site, map_from_local};
+use crate::volume::Volume;
+
+/// Pixels at which the photon store is asked which surface sends the events there; where there are
+/// more, those of the events with most voxels are.
+const ASKED_PIXELS: usize = 100_000;
+/// Photons asked for at each of them.
+const ASKED_PHOTONS: usize = 2000;
+
+/// What is added to an event.
+struct Known {
+    hit: Option<Hit>,
+    /// The PV surface that sends most of it, and its share.
+    surface: Option<(u16, f64)>,
+}
+
+/// Writes `events.csv` and `events.geojson`; their names below `run/`.
+pub(super) fn write(
+    job: &Job<'_>,
+    candidate: &Candidate,
+    view: &PlannedView,
+    threshold: f64,
+    analysis: &Analysis,
+    volume: &Volume,
+) -> Result<Vec<PathBuf>, Error> {
+    let name = |file: &str| job.folder.glare(&candidate.name, &view.name, threshold, file);
+    let hits = read_hits(job, view)?;
+    let options = OpenOptions { cache_bytes: job.options.page_cache_bytes, access: Access::Mapped };
+    let store = Store::open(&job.folder.at(&job.folder.store(&candidate.name)), &options)?;
+    let known = known(&analysis.events, &hits, &store, view)?;
+    let timeline = job.timeline()?;
+    let told = Told {
+        clock: Clock::new(&job.resolved.project.site, timeline.year),
+        timeline,
+        site: job.site()?,
+        north_deg: job.resolved.scene.north_deg,
+        surfaces: &store.info().surfaces,
+    };
+    let csv = name("events.csv");
+    let path = job.folder.prepare(&csv)?;
+    seal::write(&path, |out| {
+        let rows = analysis.events.iter().zip(&known).map(|(e, k)| told.columns(e, k));
+        let mut longer = Longer::new(out, rows);
+        glare::write_events(&mut longer, &analysis.events, volume.axis())
+    })
+    .map_err(|source: io::Error| Error::Write { path: path.clone(), source })?;
+    let points = name("events.geojson");
+    let path = job.folder.at(&points);
+    let crs = job.resolved.scene.crs.as_deref();
+    seal::write(&path, |out| told.geojson(out, &analysis.events, &known, crs))
+        .map_err(|source: io::Error| Error::Write { path: path.clone(), source })?;
+    Ok(vec![csv, points])
+}
+
+/// The pixel that stands for an event: that of its centroid, where a surface is seen that takes
+/// light, else that of its peak.
+fn pixel(event: &Event, hits: &HitMap) -> usize {
+    let (row, column) =
+        (event.centroid_row.round() as usize, event.centroid_column.round() as usize);
+    if row < hits.rows && column < hits.columns && hits.at(column, row).kind.receives() {
+        return row * hits.columns + column;
+    }
+    event.peak_row as usize * hits.columns + event.peak_column as usize
+}
+
+/// Which surface sends each event: the photons around its peak, in its timesteps. One search for
+/// each pixel that is the peak of an event.
+fn known(
+    events: &[Event],
+    hits: &HitMap,
+    store: &Store,
+    view: &PlannedView,
+) -> Result<Vec<Known>, Error> {
+    let at = |e: &Event| e.peak_row as usize * hits.columns + e.peak_column as usize;
+    let mut out: Vec<Known> = events
+        .iter()
+        .map(|e| {
+            let hit = hits.hits.get(pixel(e, hits)).filter(|h| h.kind.receives());
+            Known { hit: hit.copied(), surface: None }
+        })
+        .collect();
+    let mut by_pixel: BTreeMap<usize, Vec<usize>> = BTreeMap::new();
+    for (i, e) in events.iter().enumerate() {
+        by_pixel.entry(at(e)).or_default().push(i);
+    }
+    let mut asked: Vec<(usize, Vec<usize>)> = by_pixel.into_iter().collect();
+    if asked.len() > ASKED_PIXELS {
+        let most = |list: &[usize]| list.iter().map(|i| events[*i].voxels).max();
+        asked.sort_by_key(|(pixel, list)| (std::cmp::Reverse(most(list)), *pixel));
+        asked.truncate(ASKED_PIXELS);
+        asked.sort_by_key(|(pixel, _)| *pixel);
+    }
+    let count = view.series_bandwidth.unwrap_or(ASKED_PHOTONS).min(ASKED_PHOTONS);
+    let max_radius_m = view.annual.max_radius_m.unwrap_or_else(|| store.max_radius_m(count));
+    let found: Vec<Vec<(usize, (u16, f64))>> = asked
+        .par_iter()
+        .map_init(Neighbours::default, |near, (pixel, list)| {
+            let Some(hit) = hits.hits.get(*pixel).filter(|h| h.kind.receives()) else {
+                return Ok(Vec::new());
+            };
+            let query = Query { point: hit.position, normal: hit.normal, count, max_radius_m };
+            store.nearest(&query, near)?;
+            let surface = |i: &usize| {
+                let (first, last) = (events[*i].first, events[*i].last);
+                let mut sums: BTreeMap<u16, f64> = BTreeMap::new();
+                for p in near.items().iter().filter(|p| (first..=last).contains(&p.timestep)) {
+                    *sums.entry(p.surface).or_insert(0.0) += f64::from(p.flux_w);
+                }
+                let sum: f64 = sums.values().sum();
+                let mut main = None;
+                for (surface, flux) in sums {
+                    if main.is_none_or(|(_, most)| flux > most) {
+                        main = Some((surface, flux));
+                    }
+                }
+                main.filter(|_| sum > 0.0).map(|(s, flux)| (*i, (s, flux / sum)))
+            };
+            Ok(list.iter().filter_map(surface).collect())
+        })
+        .collect::<Result<_, Error>>()?;
+    for (i, surface) in found.into_iter().flatten() {
+        out[i].surface = Some(surface);
+    }
+    Ok(out)
+}
+
+/// What turns numbers into words.
+struct Told<'a> {
+    clock: Clock,
+    timeline: &'a Timeline,
+    site: &'a Site,
+    north_deg: f64,
+    surfaces: &'a [String],
+}
+
+/// Columns that follow those of the analysis.
+const COLUMNS: &str =
+    "first_at,last_at,x_m,y_m,z_m,map_x_m,map_y_m,map_z_m,object,pv_surface,pv_share";
+
+impl Told<'_> {
+    fn at(&self, timestep: u32) -> String {
+        let step = self.timeline.steps.get(timestep as usize);
+        step.map_or_else(String::new, |s| self.clock.show(s.day, s.hour))
+    }
+
+    fn map(&self, local: DVec3) -> DVec3 {
+        map_from_local(local, self.site.origin, self.north_deg)
+    }
+
+    fn object(&self, hit: &Hit) -> &str {
+        self.site.objects.get(hit.object as usize).map_or("", |o| o.id.as_str())
+    }
+
+    fn surface(&self, number: u16) -> &str {
+        self.surfaces.get(usize::from(number)).map_or("", String::as_str)
+    }
+
+    fn columns(&self, event: &Event, known: &Known) -> String {
+        let place = match &known.hit {
+            Some(hit) => {
+                let local = hit.position.as_dvec3();
+                let map = self.map(local);
+                let numbers: Vec<String> = local
+                    .to_array()
+                    .into_iter()
+                    .chain(map.to_array())
+                    .map(|v| format!("{v:.2}"))
+                    .collect();
+                format!("{},{}", numbers.join(","), quoted(self.object(hit)))
+            }
+            None => ",".repeat(6),
+        };
+        let who = match known.surface {
+            Some((s, share)) => format!("{},{share:.3}", quoted(self.surface(s))),
+            None => ",".to_owned(),
+        };
+        format!("{},{},{place},{who}", self.at(event.first), self.at(event.last))
+    }
+
+    /// A FeatureCollection of the events that have a place: map coordinates, metres. GeoJSON of
+    /// today knows degrees only; the member `crs` of its first edition says what these are.
+    fn geojson(
+        &self,
+        out: &mut impl Write,
+        events: &[Event],
+        known: &[Known],
+        crs: Option<&str>,
+    ) -> io::Result<()> {
+        write!(out, "{{\"type\":\"FeatureCollection\",")?;
+        if let Some(crs) = crs {
+            let name = json!({ "type": "name", "properties": { "name": crs } });
+            write!(out, "\"crs\":{name},")?;
+        }
+        write!(out, "\"features\":[")?;
+        let mut comma = "";
+        for (event, known) in events.iter().zip(known) {
+            let Some(hit) = &known.hit else { continue };
+            let place = self.map(hit.position.as_dvec3()).to_array();
+            // Centimetres are enough, and short.
+            let place = place.map(|v| (v * 100.0).round() / 100.0);
+            let steps = f64::from(event.last - event.first + 1);
+            let feature = json!({
+                "type": "Feature",
+                "geometry": { "type": "Point", "coordinates": place },
+                "properties": {
+                    "first": event.first,
+                    "last": event.last,
+                    "first_at": self.at(event.first),
+                    "last_at": self.at(event.last),
+                    "duration_h": steps * self.timeline.step_h,
+                    "pixels": event.pixels,
+                    "peak_w_m2": event.peak_w_m2,
+                    "centroid": [event.centroid_column, event.centroid_row],
+                    "object": self.object(hit),
+                    "pv_surface": known.surface.map(|(s, _)| self.surface(s)),
+                    "pv_share": known.surface.map(|(_, share)| (share * 1000.0).round() / 1000.0),
+                },
+            });
+            write!(out, "{comma}\n{feature}")?;
+            comma = ",";
+        }
+        writeln!(out, "\n]}}")
+    }
+}
+
+/// Lengthens the lines that go through: the first by [`COLUMNS`], each further one by the next
+/// row.
+struct Longer<'a, W, R> {
+    out: &'a mut W,
+    rows: R,
+    line: usize,
+}
+
+impl<'a, W: Write, R: Iterator<Item = String>> Longer<'a, W, R> {
+    fn new(out: &'a mut W, rows: R) -> Self {
+        Self { out, rows, line: 0 }
+    }
+}
+
+impl<W: Write, R: Iterator<Item = String>> Write for Longer<'_, W, R> {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        for part in bytes.split_inclusive(|b| *b == b'\n') {
+            match part.split_last() {
+                Some((b'\n', rest)) => {
+                    self.out.write_all(rest)?;
+                    let more = match self.line {
+                        0 => COLUMNS.to_owned(),
+                        _ => self.rows.next().unwrap_or_default(),
+                    };
+                    writeln!(self.out, ",{more}")?;
+                    self.line += 1;
+                }
+                _ => self.out.write_all(part)?,
+            }
+        }
+        Ok(bytes.len())
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        self.out.flush()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_line_gets_its_columns_however_it_is_written() {
+        let mut out = Vec::new();
+        let rows = ["one", "two"].map(str::to_owned);
+        let mut longer = Longer::new(&mut out, rows.into_iter());
+        for part in ["fir", "st\n1", ",2", "\n3,4\n"] {
+            longer.write_all(part.as_bytes()).expect("writes");
+        }
+        let text = String::from_utf8(out).expect("text");
+        assert_eq!(text, format!("first,{COLUMNS}\n1,2,one\n3,4,two\n"));
+    }
+}

@@ -1,0 +1,185 @@
+//! Points instead of pixels: where they lie and what they see; then, after their series were
+//! rendered as those of pictures are, what arrives there.
+
+pub(in crate::run) mod sheet;
+
+use std::time::Instant;
+
+use glintmap_formats::seal;
+use serde_json::json;
+
+use super::pictures::read;
+use super::render::read_hits;
+use crate::pages::{Access, OpenOptions, Store};
+use crate::render::sensors;
+use crate::run::Error;
+use crate::run::clock::Clock;
+use crate::run::job::{Job, Stage};
+use crate::run::points::{PointSet, Spreader};
+use crate::run::received::{Reader, Received};
+use crate::run::resolve::{Candidate, PlannedView, Points};
+use crate::volume::{TimeAxis, Volume};
+
+/// Checks what regions name before anything is made.
+pub(in crate::run) fn check(job: &Job<'_>) -> Result<(), Error> {
+    if job.resolved.project.region.is_empty() {
+        return Ok(());
+    }
+    Spreader { resolved: job.resolved, site: job.site()? }.check()
+}
+
+/// Finds the points of a set in the scene: `hits.gmh` and `points.json`.
+pub(in crate::run) fn place(job: &mut Job<'_>, set: &PlannedView) -> Result<(), Error> {
+    let Some(from) = &set.points else { return Ok(()) };
+    let key = job.resolved.hits_key(set)?;
+    let unit = format!("hits {}", set.name);
+    if !job.needs(Stage::Render, &unit, &key) {
+        return Ok(());
+    }
+    let began = Instant::now();
+    let trace = &job.resolved.trace;
+    let spreader = Spreader { resolved: job.resolved, site: job.site()? };
+    let mut points = match from {
+        Points::File { sensors, map, .. } => spreader.file(&set.name, sensors, *map),
+        Points::Receivers => spreader.receivers(&|view| read_hits(job, view))?,
+    };
+    let placed = sensors::place(&points.sensors, spreader.site, trace.max_path_m, trace.seed);
+    for group in &mut points.set.groups {
+        let range = group.first..group.first + group.points();
+        group.footing = placed.footing[range.clone()].to_vec();
+        group.pv = placed.pv[range].to_vec();
+    }
+    let name = job.folder.hits(&set.name);
+    let path = job.folder.prepare(&name)?;
+    let provenance = job.provenance(&key, &[("view", &set.name)]);
+    placed.hits.write(&path, "sensors", trace.max_path_m, &provenance)?;
+    let list = job.folder.points(&set.name);
+    let path = job.folder.at(&list);
+    let text = serde_json::to_vec_pretty(&points.set).map_err(std::io::Error::from)?;
+    seal::write_bytes(&path, &text).map_err(|source| Error::Write { path, source })?;
+    let facts = json!({ "points": points.sensors.len(), "groups": points.set.groups.len() });
+    job.done(&unit, &key, &[name, list], began, facts)
+}
+
+/// The groups of a set, from their file.
+pub(in crate::run) fn read_points(job: &Job<'_>, set: &PlannedView) -> Result<PointSet, Error> {
+    let path = job.folder.at(&job.folder.points(&set.name));
+    let text = std::fs::read(&path).map_err(|source| Error::Read { path: path.clone(), source })?;
+    serde_json::from_slice(&text).map_err(|e| Error::Manifest { path, message: e.to_string() })
+}
+
+/// Reads what arrives at the points of each set: `sensors.csv`, `receivers.json`, and for each
+/// group when.
+pub(in crate::run) fn received(job: &mut Job<'_>) -> Result<(), Error> {
+    let resolved = job.resolved;
+    for candidate in &resolved.candidates {
+        for set in &resolved.sensors {
+            let key = resolved.received_key(candidate, set)?;
+            let unit = received_unit(candidate, set);
+            if job.needs(Stage::Glare, &unit, &key) {
+                one(job, candidate, set, &unit, &key)?;
+            }
+        }
+    }
+    Ok(())
+}
+
+/// The name of the unit that [`received`] makes.
+pub(in crate::run) fn received_unit(candidate: &Candidate, set: &PlannedView) -> String {
+    format!("glare {} {} points", candidate.name, set.name)
+}
+
+fn one(
+    job: &mut Job<'_>,
+    candidate: &Candidate,
+    set: &PlannedView,
+    unit: &str,
+    key: &str,
+) -> Result<(), Error> {
+    let began = Instant::now();
+    let map = |file: &str| job.folder.map(&candidate.name, &set.name, file);
+    let hits = read_hits(job, set)?;
+    let volume = Volume::open(&job.folder.at(&job.folder.series(&candidate.name, &set.name)))?;
+    let options = OpenOptions { cache_bytes: job.options.page_cache_bytes, access: Access::Mapped };
+    let store = Store::open(&job.folder.at(&job.folder.store(&candidate.name)), &options)?;
+    let axis = TimeAxis::from(job.timeline()?);
+    let steps = axis.day.len();
+    let bandwidth = set.series_bandwidth.unwrap_or_else(|| (3 * steps).max(4000));
+    let annual = read(job, &map("annual.exr"), "annual.wh_m2")?;
+    let normal = read(job, &map("annual.exr"), "annual_normal.wh_m2")?;
+    let thresholds = &job.resolved.project.glare.thresholds_w_m2;
+    let filtered = thresholds
+        .iter()
+        .map(|t| {
+            let of = |name: &str| -> Result<Vec<f32>, Error> {
+                let exr = job.folder.glare(&candidate.name, &set.name, *t, &format!("{name}.exr"));
+                Ok(read(job, &exr, &format!("{name}.h"))?.data().to_vec())
+            };
+            Ok([of("cumulative")?, of("longest_run")?])
+        })
+        .collect::<Result<Vec<_>, Error>>()?;
+    let reader = Reader {
+        hits: &hits,
+        volume: &volume,
+        axis: &axis,
+        store: &store,
+        bandwidth,
+        max_radius_m: set.annual.max_radius_m.unwrap_or_else(|| store.max_radius_m(bandwidth)),
+        thresholds,
+        annual: annual.data(),
+        filtered: &filtered,
+    };
+    let clock = Clock::new(&job.resolved.project.site, axis.year);
+    let mut outputs = Vec::new();
+    let mut all = Received::default();
+    let mut table = sheet::head(thresholds);
+    let groups = read_points(job, set)?.groups;
+    job.progress.begin("receivers", groups.len() as u64, "receivers");
+    for (number, group) in groups.iter().enumerate() {
+        job.progress.check()?;
+        let reading = reader.read(group)?;
+        sheet::points(&mut table, group, &reading, &hits, [&annual, &normal], &clock, &axis);
+        if reading.group.not_evaluated.is_none() {
+            let name = map(&format!("{}.csv", occurrence(number, &group.name)));
+            let path = job.folder.prepare(&name)?;
+            let text = sheet::occurrence(&reading, &store.info().surfaces, &clock, &axis);
+            seal::write_bytes(&path, text.as_bytes())
+                .map_err(|source| Error::Write { path, source })?;
+            outputs.push(name);
+        }
+        all.groups.push(reading.group);
+        job.progress.advance(1);
+    }
+    job.progress.finish();
+    let text = serde_json::to_vec_pretty(&all).map_err(std::io::Error::from)?;
+    for (name, bytes) in [("receivers.json", text), ("sensors.csv", table.into_bytes())] {
+        let path = job.folder.at(&map(name));
+        seal::write_bytes(&path, &bytes).map_err(|source| Error::Write { path, source })?;
+        outputs.push(map(name));
+    }
+    let facts = json!({ "receivers": all.groups.len(), "cache": store.cache_stats() });
+    job.done(unit, key, &outputs, began, facts)
+}
+
+/// `occurrence/01-church-tower`: where the times of a group lie, without an extension.
+pub(in crate::run) fn occurrence(number: usize, name: &str) -> String {
+    let plain: String = name
+        .chars()
+        .map(|c| if c.is_ascii_alphanumeric() { c.to_ascii_lowercase() } else { '-' })
+        .collect();
+    let words: Vec<&str> = plain.split('-').filter(|w| !w.is_empty()).collect();
+    let mut short = words.join("-");
+    short.truncate(40);
+    format!("occurrence/{:02}-{short}", number + 1)
+}
+
+/// What arrives at the groups of a set, from their file.
+pub(in crate::run) fn read_received(
+    job: &Job<'_>,
+    candidate: &Candidate,
+    set: &PlannedView,
+) -> Result<Received, Error> {
+    let path = job.folder.at(&job.folder.map(&candidate.name, &set.name, "receivers.json"));
+    let text = std::fs::read(&path).map_err(|source| Error::Read { path: path.clone(), source })?;
+    serde_json::from_slice(&text).map_err(|e| Error::Manifest { path, message: e.to_string() })
+}

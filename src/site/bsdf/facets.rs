@@ -1,0 +1,177 @@
+//! A lobe of facets over a broad ground: coated glass over cells, metal.
+
+use std::f64::consts::FRAC_1_PI;
+
+use glam::DVec3;
+
+use super::circle::on_hemisphere;
+use super::curve::Curve;
+use super::ggx::Ggx;
+use super::interface::{Coating, Interface};
+use crate::base::Stream;
+
+/// `f = D(h) G2(i, o) R(i.h) / (4 cos_i cos_o) + k a(i) a(o) / pi`: GGX facets of any interface
+/// (or a delta lobe `R(i)` where smooth) over a reciprocal ground.
+///
+/// Glass: `a = 1 - R`, `k = cell / (1 - mean R)`: what enters, and a share `cell` of it comes out
+/// again, as of `PvGlass`. What a photon would do that meets a second facet is left out: at
+/// most 1 % of the reflected light, 3 % at alpha 0.28 and 85 degrees (a test walks it).
+///
+/// Metal: facets send most light on to the next one, so `a = 1 - E` with E the single
+/// scattering's share (R = 1), and `k` after Kulla and Conty 2017 ("Revisiting physically based
+/// shading at Imageworks"): `k = Rm^2 Em / (1 - Rm (1 - Em)) / (1 - Em)`, means over the hemisphere.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Facets {
+    interface: Interface,
+    /// `None`: smooth.
+    ggx: Option<Ggx>,
+    /// a.
+    ground: Curve,
+    /// Largest a.
+    ground_most: f64,
+    /// Mean of a over the hemisphere.
+    ground_mean: f64,
+    /// k.
+    strength: f64,
+}
+
+/// Shares of the light that a lobe of facets with `reflectance` by cosine sends upwards, by a
+/// midpoint rule over the two numbers that draw a facet, which follows lobes of any width.
+fn lobe_share(ggx: Ggx, incident: DVec3, steps: [u32; 2], reflectance: impl Fn(f64) -> f64) -> f64 {
+    let [around, outward] = steps;
+    let mut sum = 0.0;
+    for i in 0..around {
+        let u = (f64::from(i) + 0.5) / f64::from(around);
+        // Shifting each row by a golden part keeps rows from ending on the same step.
+        let shift = (f64::from(i) * 0.618_033_988_749_895) % 1.0;
+        for j in 0..outward {
+            let v = (f64::from(j) + shift) / f64::from(outward);
+            let half = ggx.facet(incident, u, v);
+            let cos = incident.dot(half);
+            let out = half * (2.0 * cos) - incident;
+            if out.z > 0.0 {
+                sum += reflectance(cos) * ggx.seen_back(incident, out);
+            }
+        }
+    }
+    sum / f64::from(around * outward)
+}
+
+fn tilted(cos: f64) -> DVec3 {
+    DVec3::new((1.0 - cos * cos).max(0.0).sqrt(), 0.0, cos)
+}
+
+impl Facets {
+    /// Glass, coated or not, smooth where `alpha` is 0, over a cell that sends the share `cell` of
+    /// what enters out again. The numbers have been checked.
+    pub(super) fn glass(index: f64, coating: Option<Coating>, alpha: f64, cell: f64) -> Self {
+        let interface = Interface::glass(index, coating);
+        let ground = Curve::new(|cos| 1.0 - interface.at(cos));
+        let strength = cell / (1.0 - interface.mean());
+        Self::over(interface, alpha, ground, strength)
+    }
+
+    /// Metal with roughness `alpha`. The numbers have been checked.
+    pub(super) fn metal(index: f64, extinction: f64, alpha: f64) -> Self {
+        let interface = Interface::metal(index, extinction);
+        let ggx = Ggx { alpha };
+        // 33 exact values, linear in between, are good to 1e-3 of a correction.
+        const KNOTS: usize = 32;
+        let knots: Vec<f64> = (0..=KNOTS)
+            .map(|i| {
+                let cos = (i as f64 / KNOTS as f64).max(1e-4);
+                (1.0 - lobe_share(ggx, tilted(cos), [24, 48], |_| 1.0)).max(0.0)
+            })
+            .collect();
+        let ground = Curve::new(|cos| {
+            let x = cos * KNOTS as f64;
+            let i = (x as usize).min(KNOTS - 1);
+            knots[i] + (x - i as f64) * (knots[i + 1] - knots[i])
+        });
+        let (lost, reflected) = (ground.mean(), interface.mean());
+        let strength = if lost > 1e-9 {
+            reflected * reflected * (1.0 - lost) / (1.0 - reflected * lost) / lost
+        } else {
+            0.0
+        };
+        Self::over(interface, alpha, ground, strength)
+    }
+
+    fn over(interface: Interface, alpha: f64, ground: Curve, strength: f64) -> Self {
+        Self {
+            interface,
+            ggx: (alpha > 0.0).then_some(Ggx { alpha }),
+            ground_most: ground.most(0.0, 1.0),
+            ground_mean: ground.mean(),
+            ground,
+            strength,
+        }
+    }
+
+    /// Bounds of the two terms' sampling weights.
+    #[inline]
+    pub(super) fn bounds(&self, cos: f64) -> (f64, f64) {
+        let lobe = match self.ggx {
+            Some(_) => self.interface.facet_bound(cos),
+            None => self.interface.at(cos),
+        };
+        (lobe, self.strength * self.ground.at(cos) * self.ground_most)
+    }
+
+    /// Bound over incident cosines of a range.
+    pub(super) fn bound_between(&self, low: f64, high: f64) -> f64 {
+        let lobe = match self.ggx {
+            // Grows towards grazing incidence.
+            Some(_) => self.interface.facet_bound(low),
+            None => self.interface.most(low, high),
+        };
+        lobe + self.strength * self.ground.most(low, high) * self.ground_most
+    }
+
+    /// `stake`, from 0 to the sum of [`Self::bounds`], chooses the term and decides on survival.
+    #[inline]
+    pub(super) fn sample(&self, incident: DVec3, stake: f64, random: &mut Stream) -> Option<DVec3> {
+        let (lobe, ground) = self.bounds(incident.z);
+        let (u, v) = (random.uniform(), random.uniform());
+        if stake < lobe {
+            let Some(ggx) = self.ggx else {
+                return Some(DVec3::new(-incident.x, -incident.y, incident.z));
+            };
+            let half = ggx.facet(incident, u, v);
+            let cos = incident.dot(half);
+            let out = half * (2.0 * cos) - incident;
+            let alive =
+                out.z > 0.0 && stake < self.interface.at(cos) * ggx.seen_back(incident, out);
+            alive.then(|| out.normalize())
+        } else {
+            let out = on_hemisphere(u, v);
+            let alive = (stake - lobe) * self.ground_most < ground * self.ground.at(out.z);
+            (out.z > 0.0 && alive).then_some(out)
+        }
+    }
+
+    /// 1/sr, without the delta lobe of smooth glass.
+    pub(super) fn evaluate(&self, incident: DVec3, out: DVec3) -> f64 {
+        let (i, o) = (self.ground.at(incident.z), self.ground.at(out.z));
+        let ground = self.strength * i * o * FRAC_1_PI;
+        let (Some(ggx), Some(half)) = (self.ggx, (incident + out).try_normalize()) else {
+            return ground;
+        };
+        let facets = ggx.density(half) * ggx.seen_by_both(incident, out);
+        ground + facets * self.interface.at(incident.dot(half)) / (4.0 * incident.z * out.z)
+    }
+
+    /// Share of the light that goes into the delta lobe.
+    pub(super) fn mirrored(&self, cos: f64) -> f64 {
+        if self.ggx.is_some() { 0.0 } else { self.interface.at(cos) }
+    }
+
+    /// Share of the light that comes back.
+    pub(super) fn reflectance(&self, incident: DVec3) -> f64 {
+        let lobe = match self.ggx {
+            Some(ggx) => lobe_share(ggx, incident, [96, 192], |cos| self.interface.at(cos)),
+            None => self.interface.at(incident.z),
+        };
+        lobe + self.strength * self.ground.at(incident.z) * self.ground_mean
+    }
+}

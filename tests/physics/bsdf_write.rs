@@ -1,0 +1,247 @@
+//! Written files read again: the same light, the peak that was said, and what scattering costs.
+
+use glam::DVec3;
+use glintmap::base::{Purpose, Stream};
+use glintmap::site::bsdf::{
+    ANGLES_DEG, Bsdf, BsdfFile, Fineness, Goniophotometer, Model, PRESETS, Preset, Side, write,
+    write_points,
+};
+
+use super::bsdf::from_degrees;
+
+fn preset(name: &str) -> Bsdf {
+    Bsdf::from_model(&Preset::named(name).expect("a preset").model()).expect("valid")
+}
+
+fn again(text: &str) -> Bsdf {
+    let file = BsdfFile::parse(text, "ours.xml").expect("a good file");
+    assert!(file.notes.is_empty(), "{:?}", file.notes);
+    Bsdf::Measured(file.reflection(Side::Front, None).expect("has it"))
+}
+
+/// Mean reflectance of a model over the angles that share a cell, even in the sine.
+fn over_cell(bsdf: &Bsdf, (low, high): (f64, f64)) -> f64 {
+    let (low, high) = (low.to_radians().sin(), high.to_radians().sin());
+    let sines = (0..16).map(|i| low + (high - low) * (f64::from(i) + 0.5) / 16.0);
+    sines.map(|s| bsdf.reflectance(DVec3::new(s, 0.0, (1.0 - s * s).sqrt()))).sum::<f64>() / 16.0
+}
+
+#[test]
+fn a_written_preset_scatters_the_same_light_when_read_again() {
+    for p in PRESETS {
+        let bsdf = preset(p.name);
+        let resolution = if p.name == "standard" { 7 } else { 5 };
+        let whole = write(&bsdf, p.name, Fineness { resolution, prune: 0.0 }).expect("fits");
+        let pruned = write(&bsdf, p.name, Fineness { resolution, prune: 80.0 }).expect("fits");
+        assert!(pruned.values <= whole.values && whole.rank == 3);
+        assert!(whole.corrected < 0.03, "{}: cells are off by {}", p.name, whole.corrected);
+        let (read, read_pruned) = (again(&whole.text), again(&pruned.text));
+        for (cost, degrees) in pruned.costs.iter().zip(ANGLES_DEG) {
+            let expected = over_cell(&bsdf, cost.cell_deg);
+            let from = from_degrees(degrees, 30.0);
+            for (read, within) in [(&read, 0.01), (&read_pruned, 0.01)] {
+                let seen = read.reflectance(from);
+                assert!(
+                    (seen / expected - 1.0).abs() < within,
+                    "{} at {degrees}: {seen} {expected}",
+                    p.name
+                );
+            }
+            // The peak in the plane of incidence is at most the one that was told.
+            let (lobe, lobe_pruned) = (read.lobe(degrees), read_pruned.lobe(degrees));
+            assert!(lobe.peak_per_sr <= cost.peak_per_sr * 1.0001 + 1e-6);
+            assert!(
+                lobe.peak_per_sr >= cost.peak_per_sr * 0.7,
+                "{} at {degrees}: {lobe:?} {cost:?}",
+                p.name
+            );
+            assert!(lobe_pruned.peak_per_sr <= cost.pruned_per_sr * 1.0001 + 1e-6);
+        }
+    }
+}
+
+#[test]
+fn a_delta_lobe_fills_its_cell() {
+    let model =
+        Model::CoatedGlass { index: 1.52, ggx_alpha: 0.0, cell_reflectance: 0.05, coating: None };
+    let bsdf = Bsdf::from_model(&model).unwrap();
+    let written = write(&bsdf, "smooth", Fineness { resolution: 5, prune: 0.0 }).unwrap();
+    let read = again(&written.text);
+    for cost in &written.costs {
+        let seen = read.reflectance(from_degrees(cost.angle_deg, 0.0));
+        let expected = over_cell(&bsdf, cost.cell_deg);
+        assert!((seen / expected - 1.0).abs() < 0.02, "{cost:?}: {seen} {expected}");
+        let lobe = read.lobe(cost.angle_deg);
+        assert!(
+            (lobe.peak_deg - cost.angle_deg).abs() < 10.0 && lobe.peak_per_sr > 1.0,
+            "{lobe:?}"
+        );
+    }
+}
+
+#[test]
+fn what_is_not_isotropic_is_written_with_rank_4() {
+    let text = crate::physics::bsdf_files::file(
+        "TensorTree4",
+        "<AngleBasis>LBNL/Shirley-Chiu</AngleBasis>",
+        &format!(
+            "{{ {} }}",
+            (0..256)
+                .map(|i| format!("{:.3} ", 0.1 + 0.0005 * f64::from(i * 37 % 256)))
+                .collect::<String>()
+        ),
+    );
+    let bsdf = again(&text);
+    let written = write(&bsdf, "uneven", Fineness { resolution: 2, prune: 0.0 }).unwrap();
+    assert_eq!(written.rank, 4);
+    let read = again(&written.text);
+    for i in 0..300 {
+        let mut random = Stream::new(80, Purpose::Survey, i);
+        let mut one = || from_degrees(88.0 * random.uniform(), 360.0 * random.uniform());
+        let (a, b) = (one(), one());
+        let (x, y) = (bsdf.evaluate(a, b), read.evaluate(a, b));
+        assert!((x - y).abs() < 2e-5 * x.max(1.0), "{a} {b}: {x} {y}");
+    }
+    let too_fine = write(&bsdf, "x", Fineness { resolution: 7, prune: 0.0 });
+    assert!(too_fine.expect_err("268 million cells").to_string().contains("rank 4"));
+}
+
+#[test]
+fn pruning_eighty_of_a_hundred_keeps_the_lobe_and_less_of_the_rest() {
+    let bsdf = preset("satinated");
+    let of = |prune| write(&bsdf, "x", Fineness { resolution: 6, prune }).unwrap();
+    let (none, most, nearly_all) = (of(0.0), of(80.0), of(99.9));
+    assert!(most.values < none.values * 6 / 10, "{} of {}", most.values, none.values);
+    assert!(nearly_all.values < most.values / 4);
+    for (a, b) in none.costs.iter().zip(&most.costs) {
+        assert_eq!(a.peak_per_sr, a.pruned_per_sr);
+        assert!(b.pruned_per_sr > 0.9 * b.peak_per_sr, "{b:?}");
+    }
+    let loss = |c: &glintmap::site::bsdf::Cost| c.pruned_per_sr / c.peak_per_sr;
+    assert!(nearly_all.costs.iter().map(loss).fold(1.0, f64::min) < 0.9, "{:?}", nearly_all.costs);
+}
+
+/// Points of a model on an even grid, light at some angles and azimuths.
+fn points(bsdf: &Bsdf, incident: &[(f64, f64)]) -> Goniophotometer {
+    let mut text = String::from("#format: theta phi DSF\n");
+    for &(theta, phi) in incident {
+        text.push_str(&format!("#intheta {theta}\n#inphi {phi}\n"));
+        for i in 0..1600 {
+            let (u, v) = ((f64::from(i / 40) + 0.5) / 40.0, (f64::from(i % 40) + 0.5) / 40.0);
+            let out = glintmap::site::bsdf::on_hemisphere(u, v);
+            let value = bsdf.evaluate(from_degrees(theta, phi), out) * out.z;
+            let (t, p) = (out.z.acos().to_degrees(), out.y.atan2(out.x).to_degrees());
+            text.push_str(&format!("{t:.4} {p:.4} {value:.7}\n"));
+        }
+    }
+    Goniophotometer::parse(&text, "points.txt").expect("good data")
+}
+
+#[test]
+fn measured_points_are_met_and_joined() {
+    let bsdf =
+        Bsdf::from_model(&Model::PvGlass { index: 1.52, ggx_alpha: 0.3, cell_reflectance: 0.1 })
+            .unwrap();
+    let angles = [0.0, 20.0, 40.0, 60.0, 75.0];
+    let flat: Vec<_> = angles.map(|a| (a, 90.0)).to_vec();
+    let round: Vec<_> = angles
+        .iter()
+        .flat_map(|&a| (0..if a > 0.0 { 8 } else { 1 }).map(move |i| (a, 45.0 * f64::from(i))))
+        .collect();
+    for (incident, rank, resolution) in [(flat, 3, 5), (round, 4, 3)] {
+        let data = points(&bsdf, &incident);
+        let surface = data.surface();
+        for (theta, most) in [(40.0, 0.08), (50.0, 0.15), (68.0, 0.25)] {
+            for n in 0..200 {
+                let mut random = Stream::new(81, Purpose::Survey, n);
+                let (u, v) = (0.9 * random.uniform(), random.uniform());
+                let out = glintmap::site::bsdf::on_hemisphere(u, v);
+                // Azimuths that were not measured, too.
+                let from = from_degrees(theta, if rank == 4 { 100.0 } else { 10.0 });
+                let (seen, true_) = (surface.value(from, out), bsdf.evaluate(from, out));
+                assert!(
+                    (seen / true_ - 1.0).abs() < 2.5 * most,
+                    "{rank} {theta} {out}: {seen} {true_}"
+                );
+            }
+        }
+        let reach = surface.reach();
+        assert_eq!(reach.incidence_deg, (0.0, 75.0));
+        assert!((reach.beyond - 0.067).abs() < 1e-3);
+        assert!(reach.unseen.iter().all(|u| u.1 < 0.02), "{reach:?}");
+        let written = write_points(&data, Fineness { resolution, prune: 0.0 }).unwrap();
+        assert_eq!(written.rank, rank);
+        let read = again(&written.text);
+        for degrees in [10.0, 40.0, 55.0] {
+            let from = from_degrees(degrees, 90.0);
+            let (seen, true_) = (read.reflectance(from), bsdf.reflectance(from));
+            assert!((seen / true_ - 1.0).abs() < 0.08, "{rank} {degrees}: {seen} {true_}");
+        }
+        // Up at azimuth 90 or the whole sample turned: the same, where there is no up.
+    }
+}
+
+#[test]
+fn points_on_half_of_the_hemisphere_are_said_to_miss_the_rest() {
+    let bsdf = preset("tile");
+    let mut data = points(&bsdf, &[(30.0, 0.0), (60.0, 0.0)]);
+    for i in &mut data.incidents {
+        i.points.retain(|p| p.0.z > 0.8);
+    }
+    let reach = data.surface().reach();
+    // An even surface sends 36 % beyond 37 degrees.
+    assert!(reach.unseen.iter().all(|u| u.1 > 0.4), "{reach:?}");
+    assert!((reach.beyond - 0.25).abs() < 1e-9);
+}
+
+fn processor_s() -> f64 {
+    let stat = std::fs::read_to_string("/proc/self/stat").unwrap_or_default();
+    let fields: Vec<_> = stat.rsplit(')').next().unwrap_or("").split_whitespace().collect();
+    let ticks = |i: usize| fields.get(i).and_then(|f| f.parse::<f64>().ok()).unwrap_or(f64::NAN);
+    (ticks(11) + ticks(12)) / 100.0
+}
+
+/// Scattering alone, Lambertian and a file of 12 MB in turn; `tools/bench/scatter.sh` runs it.
+#[test]
+#[ignore = "a measurement"]
+fn what_scattering_costs() {
+    let lambertian = Bsdf::from_model(&Model::Lambertian { reflectance: 0.25 }).unwrap();
+    let written =
+        write(&preset("standard"), "standard", Fineness { resolution: 7, prune: 0.0 }).unwrap();
+    let start = processor_s();
+    let tree = again(&written.text);
+    println!(
+        "{:.1} MB, {} values, read in {:.2} s",
+        written.text.len() as f64 / 1e6,
+        written.values,
+        processor_s() - start
+    );
+    const DRAWS: u64 = 4_000_000;
+    for round in 0..3 {
+        let cost = |bsdf: &Bsdf| {
+            let start = processor_s();
+            let mut sum = DVec3::ZERO;
+            for n in 0..DRAWS {
+                let mut random = Stream::new(1, Purpose::Photon, n);
+                let from = from_small(&mut random);
+                if let Some(s) = bsdf.sample_within(from, 0.6, &mut random) {
+                    sum += s.direction;
+                }
+            }
+            assert!(sum.is_finite());
+            1e9 * (processor_s() - start) / DRAWS as f64
+        };
+        let (even, other) = (cost(&lambertian), cost(&tree));
+        println!(
+            "round {round}: Lambertian {even:.1} ns, tree {other:.1} ns a draw: {:.2}",
+            other / even
+        );
+    }
+}
+
+/// Incident directions as of a year's suns: 20 to 88 degrees.
+fn from_small(random: &mut Stream) -> DVec3 {
+    let z = 0.035 + 0.9 * random.uniform();
+    let x = (1.0 - z * z).sqrt();
+    DVec3::new(-x, 0.0, z)
+}

@@ -5,7 +5,7 @@ use serde_json::json;
 
 use super::Context;
 use crate::base::limits::MAX_FINDINGS_SHOWN;
-use crate::run::{self, Assignment, Resolved};
+use crate::run::{self, Assignment, Resolved, receivers};
 use crate::site::{self, check};
 
 /// Read all inputs and say what was understood and what looks wrong, without running
@@ -35,6 +35,10 @@ pub(super) fn run(arguments: &Arguments, context: &Context) -> anyhow::Result<()
     };
     let _ = writeln!(text, "{} timesteps with the sun above the horizon", timeline.steps.len());
     let _ = writeln!(text, "materials: {}", names.join(", "));
+    let receivers = receivers(&resolved, &site)?;
+    for line in &receivers {
+        let _ = writeln!(text, "{line}");
+    }
     for candidate in &resolved.candidates {
         for note in &candidate.notes {
             let _ = writeln!(text, "note: {}: {note}", candidate.name);
@@ -51,6 +55,7 @@ pub(super) fn run(arguments: &Arguments, context: &Context) -> anyhow::Result<()
         "site": summary,
         "timesteps": timeline.steps.len(),
         "materials": names,
+        "receivers": receivers,
         "plan": plan.ok(),
         "findings": site.findings,
     });

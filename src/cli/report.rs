@@ -3,7 +3,7 @@ use std::path::PathBuf;
 use serde_json::json;
 
 use super::Context;
-use super::run::{How, finished};
+use super::run::{How, finished, judge};
 
 /// Make the report for people who read no pixels, and whatever it needs; print where it lies
 #[derive(Debug, clap::Args)]
@@ -20,5 +20,6 @@ pub(super) struct Arguments {
 pub(super) fn run(arguments: &Arguments, context: &Context) -> anyhow::Result<()> {
     let summary = finished(&arguments.project, &arguments.how, context)?;
     let path = summary.folder.join("report.html");
-    context.print(&json!({ "report": path, "run": summary }), &path.display().to_string())
+    context.print(&json!({ "report": path, "run": summary }), &path.display().to_string())?;
+    judge(&arguments.how, &summary, context)
 }

@@ -4,12 +4,13 @@ use std::path::{Path, PathBuf};
 use clap::builder::{PossibleValuesParser, TypedValueParser};
 
 use super::{Context, size};
+use crate::glare::rules::Outcome;
 use crate::run::{self, Assignment, Options, Resolved, Shard, Stage, Summary};
 
 /// Run what is missing or out of date, resume what was interrupted
 #[derive(Debug, clap::Args)]
 #[command(
-    after_help = "Examples:\n  glintmap run church\n  glintmap run church --until trace\n  glintmap run church --until trace --shard 2/8\n  glintmap run church --set photons.stored=200000 --set view.plan.bandwidth=50"
+    after_help = "Examples:\n  glintmap run church\n  glintmap run church --until trace\n  glintmap run church --until trace --shard 2/8\n  glintmap run church --set photons.stored=200000 --set view.plan.bandwidth=50\n  glintmap run church --fail-on paper-2018"
 )]
 pub(super) struct Arguments {
     /// The project's folder or its project.toml
@@ -36,6 +37,10 @@ pub(super) struct How {
     /// Override a key of the project file; tables by name, TOML values
     #[arg(long, value_name = "KEY=VALUE")]
     set: Vec<Assignment>,
+    /// Leave with exit code 4 where an observer or a region is above this rule, with any material
+    /// but the reference
+    #[arg(long, value_name = "RULE")]
+    fail_on: Vec<String>,
     /// Bound of anonymous memory
     #[arg(long, value_name = "SIZE", default_value = "1GiB", value_parser = size::parse)]
     memory: u64,
@@ -58,7 +63,27 @@ pub(super) fn run(arguments: &Arguments, context: &Context) -> anyhow::Result<()
 /// Runs a project and prints what was done.
 pub(super) fn go(project: &Path, how: &How, context: &Context) -> anyhow::Result<()> {
     let summary = finished(project, how, context)?;
-    context.print(&summary, &told(&summary, how.until.unwrap_or(Stage::Report)))
+    context.print(&summary, &told(&summary, how.until.unwrap_or(Stage::Report)))?;
+    judge(how, &summary, context)
+}
+
+/// What `--fail-on` asks for.
+pub(super) fn judge(how: &How, summary: &Summary, context: &Context) -> anyhow::Result<()> {
+    let of = |outcome| {
+        let asked =
+            summary.verdicts.iter().filter(|j| !j.reference && how.fail_on.contains(&j.rule));
+        asked.filter(move |j| j.verdict.outcome == outcome)
+    };
+    for j in of(Outcome::NotEvaluated) {
+        context.progress().say(&format!("{}, {}: {}", j.receiver, j.material, j.sentence));
+    }
+    let over: Vec<String> = of(Outcome::Exceeded)
+        .map(|j| format!("{}, {}: {}", j.receiver, j.material, j.sentence))
+        .collect();
+    match over.is_empty() {
+        true => Ok(()),
+        false => Err(run::Error::Exceeded(over.join("\n")).into()),
+    }
 }
 
 /// Runs a project.
@@ -67,6 +92,23 @@ pub(super) fn finished(project: &Path, how: &How, context: &Context) -> anyhow::
     if how.shard.is_some() && how.until != Some(Stage::Trace) {
         let what = "--shard: a share of the photons is traced with `--until trace`; a run without \
                     --shard joins the shares and goes on";
+        return Err(run::Error::Unsupported(what.to_owned()).into());
+    }
+    for rule in &how.fail_on {
+        let known: Vec<&str> = resolved.rules.iter().map(|r| r.id.as_str()).collect();
+        if !known.contains(&rule.as_str()) {
+            let what = format!(
+                "--fail-on {rule}: glare.rules of the project doesn't name it (there are: {})",
+                known.join(", ")
+            );
+            return Err(run::Error::Unsupported(what).into());
+        }
+    }
+    let nobody = resolved.project.observer.is_empty() && resolved.project.region.is_empty();
+    let until = how.until.unwrap_or(Stage::Report);
+    if !how.fail_on.is_empty() && (nobody || until != Stage::Report) {
+        let what = "--fail-on judges observers and regions once the report is there: the project \
+                    names none, or --until stops before it";
         return Err(run::Error::Unsupported(what.to_owned()).into());
     }
     let options = Options {
@@ -81,7 +123,10 @@ pub(super) fn finished(project: &Path, how: &How, context: &Context) -> anyhow::
 
 fn told(summary: &Summary, until: Stage) -> String {
     let mut text = String::new();
-    // Writing into a String can't fail.
+    for j in summary.verdicts.iter().filter(|j| !j.reference) {
+        // Writing into a String can't fail.
+        let _ = writeln!(text, "{}, {}: {}", j.receiver, j.material, j.sentence);
+    }
     let _ = match (summary.made.len(), summary.current.len()) {
         (0, current) => writeln!(text, "nothing to do: all {current} units are up to date"),
         (made, 0) => writeln!(text, "made {made} units"),

@@ -83,7 +83,8 @@ impl Channels {
     }
 
     /// One raster of values and its name: the channel `wanted`; else the only one; else the
-    /// luminance of a colour picture, named `Y`.
+    /// luminance of a colour picture, named `Y`; else the one that is named as the file is
+    /// (`annual.wh_m2` of `annual.exr`).
     ///
     /// # Errors
     /// [`Error::Channel`] where the name is unknown or several channels could be meant. `path`
@@ -100,8 +101,13 @@ impl Channels {
         if let [(name, grid)] = self.list.as_slice() {
             return Ok((name.clone(), grid.clone()));
         }
-        match self.rgb() {
-            Some(rgb) => Ok(("Y".to_owned(), rgb.map(|&p| luminance(p)))),
+        if let Some(rgb) = self.rgb() {
+            return Ok(("Y".to_owned(), rgb.map(|&p| luminance(p))));
+        }
+        let stem = path.file_stem().and_then(|s| s.to_str()).unwrap_or_default();
+        let quantity = |name: &str| name.split('.').next() == Some(stem);
+        match self.list.iter().find(|(name, _)| quantity(name)) {
+            Some((name, grid)) => Ok((name.clone(), grid.clone())),
             None => Err(wrong("it has several channels: choose one with --channel NAME".into())),
         }
     }

@@ -4,11 +4,13 @@
 //! * [`exr`], [`hdr`], [`png`], [`tif`], [`files`]: rasters in files, named channels of `f32`.
 //! * [`palette`], [`scale`]: from a value to a colour, and the ticks of the legend.
 //! * [`compose`], [`tonemap`]: from rasters to colours per pixel.
+//! * [`chart`]: coloured cells over two axes, with words.
 //! * [`occurrence`]: days against hours, coloured by source.
 //! * [`figure`]: the finished picture: title, legend, scale bar, north arrow, markers, notes.
 
 mod canvas;
 mod channels;
+pub mod chart;
 pub mod compose;
 mod error;
 pub mod exr;
@@ -28,6 +30,7 @@ pub mod tif;
 pub mod tonemap;
 
 pub use channels::{Channels, Rgb, luminance, unit_label};
+pub use chart::Chart;
 pub use error::Error;
 pub use figure::Figure;
 pub use palette::Palette;

@@ -98,21 +98,43 @@ impl HitMap {
         &self.hits[row * self.columns + column]
     }
 
-    /// Writes and seals `hits.gmh`. `view` says in its header where the hits come from: the view's
-    /// options, or `sensors`.
+    /// Writes and seals `hits.gmh`.
     ///
     /// # Errors
     /// [`Error::Hits`] with what the file system says.
     pub fn write(
         &self,
         path: &Path,
-        view: &str,
+        view: &View,
+        max_path_m: f64,
+        provenance: &Provenance,
+    ) -> Result<(), Error> {
+        self.write_as(path, view.to_options(), max_path_m, provenance)
+    }
+
+    /// [`Self::write`] for sensors, which no view sees.
+    ///
+    /// # Errors
+    /// [`Error::Hits`] with what the file system says.
+    pub fn write_sensors(
+        &self,
+        path: &Path,
+        max_path_m: f64,
+        provenance: &Provenance,
+    ) -> Result<(), Error> {
+        self.write_as(path, "sensors".to_owned(), max_path_m, provenance)
+    }
+
+    fn write_as(
+        &self,
+        path: &Path,
+        view: String,
         max_path_m: f64,
         provenance: &Provenance,
     ) -> Result<(), Error> {
         let json = serde_json::to_value(provenance)
             .map_err(|e| glintmap_formats::hits::Error::Io(std::io::Error::other(e)))?;
-        let facts = Facts::new(self.columns, self.rows, max_path_m, view.to_owned(), json);
+        let facts = Facts::new(self.columns, self.rows, max_path_m, view, json);
         glintmap_formats::hits::write(path, &facts, |i| {
             let h = &self.hits[i];
             Record {

@@ -338,6 +338,7 @@ fn ground(site: &Site, x: f64, y: f64) -> Option<(DVec3, DVec3)> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::site::{Face, Material, Object, PvSurface, Triangle};
 
     #[test]
     fn lines_of_rtrace_are_read_and_mistakes_have_their_number() {
@@ -353,6 +354,119 @@ mod tests {
         }
         assert!(!message.contains("line 1:"), "{message}");
         assert!(parse_sensors("# none\n").is_err());
+    }
+
+    /// A floor of 8 x 8 m, a wall on its west side whose front faces west, a roof of PV above the floor
+    /// that faces down and is 1 x 1 m.
+    fn site() -> Site {
+        let quad = |corners: [[f32; 3]; 4], face: u32| {
+            let [a, b, c, d] = corners.map(Vec3::from_array);
+            [Triangle { corners: [a, b, c], face }, Triangle { corners: [a, c, d], face }]
+        };
+        let triangles = [
+            quad([[0., 0., 0.], [8., 0., 0.], [8., 8., 0.], [0., 8., 0.]], 0),
+            quad([[0., 0., 0.], [0., 0., 3.], [0., 8., 3.], [0., 8., 0.]], 1),
+            quad([[4., 4., 2.], [4., 5., 2.], [5., 5., 2.], [5., 4., 2.]], 2),
+        ]
+        .concat();
+        let face = |object, pv| Face { object, material: 0, pv };
+        let object = |id: &str| Object { id: id.into(), kind: String::new() };
+        let pv = PvSurface {
+            name: "pv".into(),
+            entry: 0,
+            triangles: vec![4, 5],
+            normal: DVec3::NEG_Z,
+            area_m2: 1.0,
+            two_sided: false,
+        };
+        let material = Material { name: "m".into(), reflectance: [0.2; 3], diffuse: true };
+        Site::from_parts(
+            triangles,
+            vec![face(0, None), face(1, None), face(2, Some(0))],
+            vec![object("floor"), object("wall"), object("pv")],
+            vec![material],
+            vec![pv],
+            DVec3::ZERO,
+            Vec::new(),
+        )
+    }
+
+    #[test]
+    fn sensors_stand_on_surfaces_on_pv_or_in_air() {
+        let at = |p: [f64; 3], n: DVec3| Sensor { position: DVec3::from_array(p), normal: n };
+        let sensors = [
+            at([4.5, 4.5, 0.0], DVec3::Z),
+            at([4.5, 4.5, 0.03], DVec3::Z),
+            at([4.5, 4.5, -0.03], DVec3::Z),
+            at([4.5, 4.5, 0.07], DVec3::Z),
+            at([4.5, 4.5, 0.0], DVec3::X),
+            at([0.0, 4.0, 1.0], DVec3::X),
+            at([0.0, 4.0, 1.0], DVec3::NEG_X),
+            at([4.5, 4.5, 2.0], DVec3::NEG_Z),
+            at([7.0, 1.0, 0.0], DVec3::Z),
+        ];
+        let placed = place(&sensors, &site(), 6.0, 1);
+        use Footing::{Air, Pv, Surface};
+        let expected = [Surface, Surface, Surface, Air, Air, Surface, Surface, Pv, Surface];
+        assert_eq!(placed.footing, expected);
+        let kinds: Vec<HitKind> = placed.hits.hits.iter().map(|h| h.kind).collect();
+        use HitKind::{Clipped, Hidden, Receiver};
+        let receivers = [Receiver, Receiver, Receiver, Clipped, Clipped, Receiver, Hidden];
+        assert_eq!(kinds[..7], receivers);
+        assert_eq!(kinds[7], HitKind::Pv);
+        // Where photons land, not where the file says.
+        assert_eq!(placed.hits.hits[1].position.z, 0.0);
+        let below = placed.pv[0].expect("sees the PV");
+        assert!((below.nearest_m - 2.0).abs() < 0.01, "{below:?}");
+        // From corner to corner; the 64 points lie a little inside.
+        let whole = 2.0 * libm::atan(0.5f64.sqrt() / 2.0).to_degrees();
+        assert!(below.widest_deg < whole && below.widest_deg > 0.8 * whole, "{below:?}");
+        // Solid angle of a square over its middle: 4 asin(a2 / (a2 + 4 h2)), a = 1, h = 2.
+        let exact = 4.0 * libm::asin(1.0 / 17.0);
+        assert!((below.solid_angle_sr / exact - 1.0).abs() < 0.02, "{below:?} {exact}");
+        assert_eq!(place(&sensors[..1], &site(), 1.0, 1).hits.hits[0].kind, HitKind::Beyond);
+    }
+
+    #[test]
+    fn samples_stand_for_the_whole_area_and_look_at_the_pv() {
+        let site = site();
+        for spacing in [0.3, 1.0, 2.7, 50.0] {
+            for (object, area) in [(0, 64.0), (1, 24.0)] {
+                let samples = sample_objects(&site, &[object], spacing, 1);
+                let sum: f64 = samples.iter().map(|s| s.area_m2).sum();
+                assert!((sum - area).abs() < 1e-6, "{object} {spacing}: {sum}");
+                let whole = (area / (spacing * spacing)) as usize;
+                assert!(
+                    samples.len().abs_diff(whole) * 4 <= whole.max(4),
+                    "{spacing}: {}",
+                    samples.len()
+                );
+            }
+            // Where the wall sees the PV's lower side its samples look at it, not to the front.
+            for s in sample_objects(&site, &[1], spacing, 1) {
+                let east = s.sensor.normal.x > 0.9;
+                assert_eq!(east, s.sensor.position.z < 2.0, "{spacing}: {s:?}");
+            }
+        }
+        // The PV has no samples of its own.
+        assert!(sample_objects(&site, &[2], 0.1, 1).is_empty());
+    }
+
+    #[test]
+    fn polygons_lie_on_the_ground_or_above_it() {
+        let site = site();
+        let triangle = [[1.0, 1.0], [7.0, 1.0], [1.0, 7.0]];
+        let (ground, missing) = sample_polygon(&site, &triangle, None, 0.1);
+        assert_eq!(missing, 0);
+        let sum: f64 = ground.iter().map(|s| s.area_m2).sum();
+        assert!((sum - 18.0).abs() < 0.6, "{sum}");
+        // Also under the PV.
+        assert!(ground.iter().all(|s| s.sensor.position.z.abs() < 1e-5));
+        let (above, _) = sample_polygon(&site, &triangle, Some(2.0), 0.5);
+        assert!(above.iter().all(|s| (s.sensor.position.z - 2.0).abs() < 1e-5));
+        let beyond = [[20.0, 20.0], [21.0, 20.0], [21.0, 21.0]];
+        let (none, missing) = sample_polygon(&site, &beyond, None, 0.1);
+        assert!(none.is_empty() && missing > 10);
     }
 
     /// Points on shared edges and corners belong to exactly one of the triangles.

@@ -26,6 +26,46 @@ pub struct Section {
     pub tables: Vec<Table>,
     /// Pictures.
     pub figures: Vec<Figure>,
+    /// Sentences that stand one below the other, after the paragraphs.
+    pub points: Vec<Point>,
+    /// Parts of this part, under smaller headings.
+    pub parts: Vec<Section>,
+}
+
+/// A sentence of a list.
+#[derive(Clone, Debug, Default)]
+pub struct Point {
+    /// What it is about, in bold; may be empty.
+    pub lead: String,
+    /// The words.
+    pub text: String,
+    /// How it is marked.
+    pub mark: Mark,
+}
+
+/// The colour of a sentence's mark; the words say the same.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Mark {
+    /// None.
+    #[default]
+    Plain,
+    /// A limit is kept.
+    Kept,
+    /// A limit is exceeded.
+    Exceeded,
+    /// It isn't known, or the noise decides.
+    Open,
+}
+
+impl Mark {
+    fn class(self) -> &'static str {
+        match self {
+            Self::Plain => "plain",
+            Self::Kept => "kept",
+            Self::Exceeded => "exceeded",
+            Self::Open => "open",
+        }
+    }
 }
 
 /// A table; the first column names the row.
@@ -56,6 +96,9 @@ table { border-collapse: collapse; margin: 1rem 0; font-variant-numeric: tabular
 th, td { padding: .3rem .8rem; text-align: right; border-bottom: 1px solid #ddd; }
 th:first-child, td:first-child { text-align: left; }
 thead th { border-bottom: 2px solid #888; vertical-align: bottom; }
+h3 { margin: 1.8rem 0 .3rem; } h4 { margin: 1.2rem 0 .2rem; }
+ul { padding: 0; } li { list-style: none; margin: .35rem 0; padding-left: .9rem; border-left: 5px solid #ccd; }
+li.kept { border-color: #2e8b57; } li.exceeded { border-color: #c0392b; } li.open { border-color: #d9a520; }
 figure { margin: 1.5rem 0; } figure img { max-width: 100%; height: auto; }
 figcaption { color: #555; font-size: .95em; }
 footer { margin-top: 3rem; color: #666; font-size: .85em; word-break: break-all; }
@@ -78,7 +121,7 @@ pub fn html(document: &Document) -> String {
                 @if document.draft {
                     p class="draft" { "Draft, not for assessment: too few photons for durations." }
                 }
-                @for section in &document.sections { (part(section)) }
+                @for section in &document.sections { (part(section, 2)) }
                 footer { (document.provenance) }
             }
         }
@@ -86,10 +129,24 @@ pub fn html(document: &Document) -> String {
     page.into_string()
 }
 
-fn part(section: &Section) -> Markup {
+fn part(section: &Section, level: u8) -> Markup {
     markup! {
-        h2 { (section.heading) }
+        @match level {
+            2 => h2 { (section.heading) },
+            3 => h3 { (section.heading) },
+            _ => h4 { (section.heading) },
+        }
         @for text in &section.text { p { (text) } }
+        @if !section.points.is_empty() {
+            ul {
+                @for point in &section.points {
+                    li class=(point.mark.class()) {
+                        @if !point.lead.is_empty() { b { (point.lead) } " " }
+                        (point.text)
+                    }
+                }
+            }
+        }
         @for table in &section.tables {
             table {
                 thead { tr { @for cell in &table.head { th { (cell) } } } }
@@ -104,6 +161,7 @@ fn part(section: &Section) -> Markup {
                 figcaption { (figure.caption) }
             }
         }
+        @for inner in &section.parts { (part(inner, level + 1)) }
     }
 }
 

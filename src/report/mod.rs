@@ -2,4 +2,4 @@
 
 mod document;
 
-pub use document::{Document, Figure, Section, Table, html};
+pub use document::{Document, Figure, Mark, Point, Section, Table, html};

@@ -52,6 +52,16 @@ impl Clock {
         text.split(' ').nth(1).unwrap_or(&text).to_owned()
     }
 
+    /// The civil hour of day at an hour of local standard time of a day; beyond 0 to 24 where the
+    /// civil day is another one.
+    pub fn civil_hour(&self, day: u32, hour: f64) -> f64 {
+        let (Some(start), Some(zone)) = (self.start_of_year(), &self.zone) else { return hour };
+        let seconds = f64::from(day) * 86_400.0 + hour * 3600.0;
+        let standard_s = (self.meridian_deg * 240.0).round();
+        let utc = start + SignedDuration::from_secs_f64((seconds - standard_s).round());
+        hour + (f64::from(zone.to_offset(utc).seconds()) - standard_s) / 3600.0
+    }
+
     /// The zone's name as people know it.
     pub fn zone(&self) -> String {
         match self.zone.as_ref().and_then(TimeZone::iana_name) {
@@ -86,6 +96,7 @@ mod tests {
         assert_eq!(clock.show(0, 12.0), "01-01 12:00 CET");
         assert_eq!((clock.date(0).as_str(), clock.date(171).as_str()), ("1 January", "21 June"));
         assert_eq!(clock.time(171, 7.5), "08:30");
+        assert_eq!((clock.civil_hour(171, 7.5), clock.civil_hour(0, 7.5)), (8.5, 7.5));
         site.timezone = None;
         assert_eq!(Clock::new(&site, 2025).show(171, 7.5), "06-21 07:30 UTC+1");
     }

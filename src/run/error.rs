@@ -89,6 +89,9 @@ pub enum Error {
         /// Which, and why.
         what: String,
     },
+    /// A rule that the user named is exceeded.
+    #[error("{0}")]
+    Exceeded(String),
     /// Something outside what this version can do.
     #[error("{0}")]
     Unsupported(String),
@@ -171,6 +174,7 @@ impl Error {
             Self::Read { .. } | Self::Write { .. } | Self::Io(_) | Self::Npy(_) => {
                 FaultKind::Failed
             }
+            Self::Exceeded(_) => FaultKind::Exceeded,
             Self::Busy { .. } | Self::Disk { .. } => FaultKind::Failed,
             Self::Manifest { .. } => FaultKind::Damaged,
             Self::Interrupted(_) => FaultKind::Interrupted,

@@ -76,19 +76,14 @@ pub fn estimate(resolved: &Resolved, memory_bytes: u64) -> Result<Estimate, Erro
     let steps = timeline.steps.len() as f64;
     let candidates = resolved.candidates.len() as f64;
     let stored = resolved.trace.stored as f64;
-    let pixels: f64 =
-        resolved.views.iter().map(|v| (v.view.columns() * v.view.rows()) as f64).sum();
+    let pixels: f64 = resolved.with_sensors().map(|v| resolved.pixels(v) as f64).sum();
     let thresholds = resolved.glare_thresholds() as f64;
-    let largest = resolved
-        .views
-        .iter()
-        .map(|v| (v.view.columns() * v.view.rows()) as f64)
-        .fold(0.0, f64::max);
+    let largest = resolved.with_sensors().map(|v| resolved.pixels(v) as f64).fold(0.0, f64::max);
     let all = stored * candidates;
     let mut neighbours = (0.0, 0.0);
     let mut series = 0.0;
-    for v in &resolved.views {
-        let p = (v.view.columns() * v.view.rows()) as f64;
+    for v in resolved.with_sensors() {
+        let p = resolved.pixels(v) as f64;
         let k = v.series_bandwidth.unwrap_or_else(|| (3 * timeline.steps.len()).max(4000)) as f64;
         neighbours.0 += p * size::LIT_PIXELS * v.annual.bandwidth as f64;
         neighbours.1 += p * size::LIT_PIXELS * k;

@@ -1,8 +1,8 @@
 //! What a run works on: the stages, how to run them, what was done, and what they all need.
 
-use std::cell::OnceCell;
 use std::collections::BTreeMap;
 use std::path::PathBuf;
+use std::sync::OnceLock;
 use std::time::Instant;
 
 use serde::{Deserialize, Serialize};
@@ -15,6 +15,7 @@ use super::log::Log;
 use super::manifest::Manifest;
 use super::resolve::Resolved;
 use super::shard::Shard;
+use super::stages::Judgement;
 use super::units::{Planned, units};
 use crate::base::{Finding, Progress, Provenance, Severity, Timeline};
 use crate::pages::CacheStats;
@@ -108,6 +109,8 @@ pub struct Summary {
     pub folder: PathBuf,
     /// Whether verdicts and pictures are a draft.
     pub draft: bool,
+    /// What the rules say of observers and regions, once there is a report.
+    pub verdicts: Vec<Judgement>,
 }
 
 /// Everything that a stage needs; what is costly to make is made when first asked for.
@@ -119,8 +122,8 @@ pub(super) struct Job<'a> {
     pub summary: Summary,
     pub progress: &'a dyn Progress,
     pub log: Log,
-    site: OnceCell<Site>,
-    timeline: OnceCell<Timeline>,
+    site: OnceLock<Site>,
+    timeline: OnceLock<Timeline>,
 }
 
 impl<'a> Job<'a> {
@@ -144,8 +147,8 @@ impl<'a> Job<'a> {
             folder,
             progress,
             log,
-            site: OnceCell::new(),
-            timeline: OnceCell::new(),
+            site: OnceLock::new(),
+            timeline: OnceLock::new(),
         })
     }
 }
@@ -232,7 +235,7 @@ impl Job<'_> {
             program: Provenance::PROGRAM.into(),
             settings: key.into(),
             seed: self.resolved.trace.seed,
-            inputs: self.resolved.inputs.clone(),
+            inputs: self.resolved.inputs_of(about),
             about: about
                 .iter()
                 .map(|(k, v)| ((*k).to_owned(), (*v).to_owned()))

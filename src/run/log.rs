@@ -10,9 +10,10 @@ use serde_json::{Value, json};
 use super::error::Error;
 use super::folder::Folder;
 use super::job::Options;
-use crate::base::Provenance;
+use crate::base::{Interrupted, Progress, Provenance};
 
 /// The log of one command: one JSON object a line in `run/log/run.jsonl`.
+#[derive(Clone)]
 pub struct Log {
     folder: Folder,
     began: Instant,
@@ -48,6 +49,14 @@ impl Log {
         self.write(json!({ "unit": unit, "facts": facts }))
     }
 
+    /// Adds what the user was told.
+    ///
+    /// # Errors
+    /// Whatever the file system says.
+    pub fn said(&self, message: &str) -> Result<(), Error> {
+        self.write(json!({ "said": message }))
+    }
+
     /// Adds the last line of a command.
     ///
     /// # Errors
@@ -73,5 +82,37 @@ impl Log {
             writeln!(file, "{line}")
         };
         write().map_err(|source| Error::Write { path: path.clone(), source })
+    }
+}
+
+/// Progress whose words go to the log as well.
+pub struct Logged<'a> {
+    /// Who is told.
+    pub progress: &'a dyn Progress,
+    /// Where it is noted.
+    pub log: Log,
+}
+
+impl Progress for Logged<'_> {
+    fn begin(&self, what: &str, total: u64, unit: &str) {
+        self.progress.begin(what, total, unit);
+    }
+
+    fn advance(&self, units: u64) {
+        self.progress.advance(units);
+    }
+
+    fn finish(&self) {
+        self.progress.finish();
+    }
+
+    fn say(&self, message: &str) {
+        self.progress.say(message);
+        // What can't be noted (a full disk) fails with the next unit of work.
+        let _ = self.log.said(message);
+    }
+
+    fn check(&self) -> Result<(), Interrupted> {
+        self.progress.check()
     }
 }

@@ -9,7 +9,9 @@ use super::error::Error;
 use super::project::{ObserverTable, RegionTable};
 use super::resolve::{PlannedView, Resolved};
 use crate::base::limits;
-use crate::render::sensors::{Footing, PvInView, Sample, Sensor, sample_objects, sample_polygon};
+use crate::render::sensors::{
+    Footing, PvInView, Sample, Sensor, place, sample_objects, sample_polygon,
+};
 use crate::render::{HitMap, View};
 use crate::site::{Site, local_from_map};
 
@@ -54,11 +56,6 @@ impl Group {
     pub fn points(&self) -> usize {
         self.area_m2.len()
     }
-
-    /// How many of them stand on a surface, so that photons land there.
-    pub fn on_surfaces(&self) -> usize {
-        self.footing.iter().filter(|f| **f == Footing::Surface).count()
-    }
 }
 
 /// `points.json`: whose points the pixels of a set are.
@@ -88,6 +85,38 @@ impl Points {
         });
         self.sensors.extend(samples.iter().map(|s| s.sensor));
     }
+}
+
+/// The observers and regions of a project in words: what they stand on, how many points they have.
+/// Regions in pictures are left to the run, which knows what the pictures show.
+///
+/// # Errors
+/// Objects that aren't there, regions without a point.
+pub fn receivers(resolved: &Resolved, site: &Site) -> Result<Vec<String>, Error> {
+    let spreader = Spreader { resolved, site };
+    spreader.check()?;
+    let mut lines = Vec::new();
+    let mut tell = |name: &str, samples: &[Sample]| {
+        let sensors: Vec<Sensor> = samples.iter().map(|s| s.sensor).collect();
+        let placed = place(&sensors, site, resolved.trace.max_path_m, resolved.trace.seed);
+        let count = |footing| placed.footing.iter().filter(|f| **f == footing).count();
+        let seen = placed.pv.iter().flatten().count();
+        lines.push(format!(
+            "receiver {name}: {} points, {} on surfaces, {} in free air (not evaluated), {seen} see PV",
+            sensors.len(),
+            count(Footing::Surface),
+            count(Footing::Air),
+        ));
+    };
+    for o in &resolved.project.observer {
+        tell(&o.name, &[Sample { sensor: spreader.observer(o), area_m2: 0.0 }]);
+    }
+    for region in resolved.project.region.iter().filter(|r| r.view.is_none()) {
+        let (samples, _) =
+            spreader.region(region, &|_| Ok(HitMap { columns: 0, rows: 0, hits: Vec::new() }))?;
+        tell(&region.name, &samples);
+    }
+    Ok(lines)
 }
 
 /// Turns what the project file says into points in local coordinates.

@@ -19,7 +19,7 @@ use crate::volume::Volume;
 pub enum Spot {
     /// A pixel of the view: column, row.
     Pixel(usize, usize),
-    /// The pixel in which the view shows this point.
+    /// The pixel in which the view shows this point; of sensors the nearest.
     Point(DVec3),
 }
 
@@ -89,15 +89,11 @@ pub fn probe(resolved: &Resolved, view: &str, spot: Spot) -> Result<Probed, Erro
         column: 0,
         message,
     };
-    let known = || resolved.views.iter().map(|v| v.name.as_str()).collect::<Vec<_>>().join(", ");
-    let planned = resolved.views.iter().find(|v| v.name == view).ok_or_else(|| {
+    let names = || resolved.with_sensors().map(|v| v.name.as_str());
+    let known = || names().collect::<Vec<_>>().join(", ");
+    let planned = resolved.with_sensors().find(|v| v.name == view).ok_or_else(|| {
         wrong(format!("no [[view]] is named \"{view}\" (there are: {})", known()))
     })?;
-    let (columns, rows) = (planned.view.columns(), planned.view.rows());
-    let (column, row) =
-        pixel_of(planned, spot).filter(|&(c, r)| c < columns && r < rows).ok_or_else(|| {
-            wrong(format!("the spot lies outside the view \"{view}\" of {columns} x {rows} pixels"))
-        })?;
     let folder = Folder::new(resolved.run_folder());
     let hits_path = folder.at(&folder.hits(view));
     if !hits_path.exists() {
@@ -108,6 +104,12 @@ pub fn probe(resolved: &Resolved, view: &str, spot: Spot) -> Result<Probed, Erro
         });
     }
     let (hits, _) = HitMap::read(&hits_path)?;
+    let (columns, rows) = (hits.columns, hits.rows);
+    let (column, row) = pixel_of(planned, &hits, spot)
+        .filter(|&(c, r)| c < columns && r < rows)
+        .ok_or_else(|| {
+            wrong(format!("the spot lies outside the view \"{view}\" of {columns} x {rows} pixels"))
+        })?;
     let hit = *hits.at(column, row);
     let timeline = resolved.timeline()?;
     let mut materials = Vec::new();
@@ -135,9 +137,16 @@ pub fn probe(resolved: &Resolved, view: &str, spot: Spot) -> Result<Probed, Erro
     })
 }
 
-fn pixel_of(view: &PlannedView, spot: Spot) -> Option<(usize, usize)> {
+fn pixel_of(view: &PlannedView, hits: &HitMap, spot: Spot) -> Option<(usize, usize)> {
     match spot {
         Spot::Pixel(column, row) => Some((column, row)),
+        // Of sensors the nearest.
+        Spot::Point(point) if view.points.is_some() => {
+            let away = |h: &Hit| h.position.as_dvec3().distance_squared(point);
+            let nearest =
+                hits.hits.iter().enumerate().min_by(|a, b| away(a.1).total_cmp(&away(b.1)));
+            nearest.map(|(i, _)| (i, 0))
+        }
         Spot::Point(point) => {
             let (column, row) = view.view.project(point)?;
             (column >= 0.0 && row >= 0.0).then_some((column as usize, row as usize))

@@ -163,6 +163,8 @@ pub struct Reader<'a> {
     /// For each threshold hours of the year and longest run after the filter in time, h, of each
     /// point.
     pub filtered: &'a [[Vec<f32>; 2]],
+    /// At which timesteps glare counts: terraces and gardens are used from 6 to 22 h.
+    pub counts: Vec<bool>,
 }
 
 impl Reader<'_> {
@@ -196,7 +198,7 @@ impl Reader<'_> {
         for (i, at) in out.thresholds.iter_mut().enumerate() {
             self.bands(group, &points, i, at)?;
             let threshold = at.threshold_w_m2 as f32;
-            let dazzles = |t: usize| strongest[t] > threshold;
+            let dazzles = |t: usize| self.counts[t] && strongest[t] > threshold;
             at.anywhere = spot(self.axis, dazzles);
             let mut all = runs(self.axis, dazzles);
             all.sort_by_key(|r| (std::cmp::Reverse(r.last - r.first), r.first));
@@ -245,7 +247,7 @@ impl Reader<'_> {
             .fold((0.0f32, 0), |most, (t, v)| if *v > most.0 { (*v, t) } else { most });
         let glare = |threshold: &f64| {
             let threshold = *threshold as f32;
-            spot(self.axis, |t| series[t] > threshold)
+            spot(self.axis, |t| self.counts[t] && series[t] > threshold)
         };
         Ok(PointReceived {
             peak,
@@ -448,7 +450,7 @@ impl Reader<'_> {
                 None => value,
             }
         };
-        Ok([-BAND, BAND].map(|by| spot(self.axis, |t| moved(t, by) > threshold)))
+        Ok([-BAND, BAND].map(|by| spot(self.axis, |t| self.counts[t] && moved(t, by) > threshold)))
     }
 }
 

@@ -34,6 +34,9 @@ pub enum Made {
     File {
         /// Hash of the file.
         bsdf: String,
+        /// Its name, without its folder.
+        #[serde(skip)]
+        name: String,
         /// The side.
         side: Side,
         /// The light that was asked for.
@@ -88,6 +91,8 @@ pub enum Points {
     Receivers,
 }
 
+/// Points of a region, about, before it is looked up in the scene.
+const POINTS_OF_A_REGION: usize = 500;
 /// The set of all observers and regions.
 pub const RECEIVERS: &str = "receivers";
 
@@ -173,6 +178,18 @@ impl Resolved {
         self.views.iter().chain(&self.sensors)
     }
 
+    /// How many pixels a view has, or points a set; of regions about how many, as that is known
+    /// once they are looked up in the scene.
+    pub fn pixels(&self, view: &PlannedView) -> usize {
+        match &view.points {
+            None => view.view.columns() * view.view.rows(),
+            Some(Points::File { sensors, .. }) => sensors.len(),
+            Some(Points::Receivers) => {
+                self.project.observer.len() + POINTS_OF_A_REGION * self.project.region.len()
+            }
+        }
+    }
+
     /// Where results lie.
     pub fn run_folder(&self) -> PathBuf {
         self.folder.join("run")
@@ -186,6 +203,34 @@ impl Resolved {
     /// Number of thresholds that glare is analysed at.
     pub fn glare_thresholds(&self) -> usize {
         self.project.glare.thresholds_w_m2.len()
+    }
+
+    /// Hash of each file that decides an output, by its name: of the scene, and where it is a
+    /// material's, of its BSDF files and the weather.
+    pub fn inputs_of(&self, about: &[(&str, &str)]) -> BTreeMap<String, String> {
+        let mut inputs = self.inputs.clone();
+        let name = about.iter().find(|(key, _)| *key == "material").map(|(_, name)| *name);
+        let Some(candidate) = self.candidates.iter().find(|c| Some(c.name.as_str()) == name) else {
+            return inputs;
+        };
+        let mut add = |name: String, hash: &String| {
+            let mut free = name.clone();
+            let mut number = 1;
+            while inputs.get(&free).is_some_and(|known| known != hash) {
+                number += 1;
+                free = format!("{name} ({number})");
+            }
+            inputs.insert(free, hash.clone());
+        };
+        for made in &candidate.models {
+            if let Made::File { bsdf, name, .. } = made {
+                add(name.clone(), bsdf);
+            }
+        }
+        if let Some(hash) = &self.weather {
+            add("weather".to_owned(), hash);
+        }
+        inputs
     }
 
     /// What decides the scene.
@@ -329,7 +374,10 @@ impl Resolved {
         let thresholds = &self.project.glare.thresholds_w_m2;
         let glare: Vec<String> =
             thresholds.iter().map(|t| self.glare_key(&render, *t)).collect::<Result<_, _>>()?;
-        // Dates and clock times stand in the tables.
-        key_of("received", &(glare, &self.project.site.timezone, self.project.site.meridian))
+        // Dates and clock times stand in the tables; outdoors not all of them count.
+        let p = &self.project;
+        let observers = p.observer.iter().map(|o| o.class);
+        let classes: Vec<_> = observers.chain(p.region.iter().map(|r| r.class)).collect();
+        key_of("received", &(glare, classes, &p.site.timezone, p.site.meridian))
     }
 }

@@ -4,7 +4,7 @@ use super::error::Error;
 use super::estimate;
 use super::folder::Folder;
 use super::job::{Job, Options, Stage, Summary};
-use super::log::Log;
+use super::log::{Log, Logged};
 use super::resolve::Resolved;
 use super::stages;
 use crate::base::Progress;
@@ -21,10 +21,14 @@ pub fn run(
     let folder = Folder::new(resolved.run_folder());
     let _lock = folder.lock(options.shard)?;
     let log = Log::begin(&folder, &options)?;
-    let mut job = Job::new(resolved, options, folder, log, progress)?;
+    let told = Logged { progress, log: log.clone() };
+    let mut job = Job::new(resolved, options, folder, log, &told)?;
     let outcome = stages_of(&mut job);
     job.log.end(outcome.as_ref().err())?;
     outcome?;
+    if options.until == Stage::Report {
+        job.summary.verdicts = stages::read_judgements(&job)?;
+    }
     Ok(job.summary)
 }
 

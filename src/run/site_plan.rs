@@ -56,7 +56,9 @@ pub fn draw_site(
             let normal = triangle.normal();
             let normal = if normal.z < 0.0 { -normal } else { normal };
             let height = (top - hit.distance_m - site.bounds.min.z) / site.bounds.size().z.max(1.0);
-            let grey = (0.25 + 0.5 * normal.dot(LIGHT).max(0.0)) * (0.75 + 0.25 * height);
+            // Level ground is a middle grey, nothing is as light as what has no surface.
+            let grey = (0.5 + 0.6 * normal.dot(LIGHT).max(0.0)) * (0.78 + 0.22 * height);
+            let grey = grey.min(0.95);
             ground.data_mut()[row * EDGE + column] = [grey; 3];
             if let Some(pv) = site.face_of(hit.triangle).pv {
                 // Exactly 0 is transparent.
@@ -70,9 +72,10 @@ pub fn draw_site(
     let mut figure = Figure::new(&tilt, Scale::linear(90.0, "\u{b0}"));
     figure.title = format!("{name}: the site as it was understood");
     figure.subtitle = format!(
-        "{} triangles, {} PV surfaces, {:.0} m\u{b2}",
+        "{} triangles, {} PV surface{}, {:.0} m\u{b2}",
         summary.triangles,
         summary.pv.len(),
+        if summary.pv.len() == 1 { "" } else { "s" },
         summary.pv.iter().map(|p| p.area_m2).sum::<f64>()
     );
     figure.background = Some(&ground);
@@ -81,7 +84,7 @@ pub fn draw_site(
     figure.opacity = 0.85;
     figure.metres_per_pixel = Some(step_m);
     figure.north_deg = Some(0.0);
-    figure.caption.push(format!("True north: {}. White: no surface below.", summary.north));
+    figure.caption.push(format!("True north: {}. Lightest grey: no surface below.", summary.north));
     let mut seen = BTreeSet::new();
     for (pv, surface) in summary.pv.iter().zip(&site.pv) {
         if seen.len() < NAMED && seen.insert(surface.entry) {

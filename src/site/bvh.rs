@@ -167,6 +167,7 @@ impl Bvh {
         if self.triangles.is_empty() {
             return None;
         }
+        let direction = without_minus_zero(direction);
         let sheared = Sheared::new(origin, direction);
         let ray = obvhs::ray::Ray::new(origin.into(), direction.into(), min_m, max_m);
         let mut hit = obvhs::ray::RayHit::none();
@@ -195,6 +196,7 @@ impl Bvh {
         if self.triangles.is_empty() {
             return false;
         }
+        let direction = without_minus_zero(direction);
         let sheared = Sheared::new(origin, direction);
         let ray = obvhs::ray::Ray::new(origin.into(), direction.into(), min_m, max_m);
         let mut found = false;
@@ -209,6 +211,12 @@ impl Bvh {
         });
         found
     }
+}
+
+/// The traversal takes the side of a direction's zero from its sign in one place and from a
+/// comparison in another: a ray along an axis with -0 in it would miss everything.
+fn without_minus_zero(direction: Vec3) -> Vec3 {
+    direction + Vec3::ZERO
 }
 
 /// What the triangle test needs of a ray: a shear that turns the ray into the z axis (Woop, Benthin,
@@ -305,6 +313,22 @@ mod tests {
             }
         }
         best
+    }
+
+    /// Seen first where sensors looked for the wall behind them: `-normal` of an axis holds -0.
+    #[test]
+    fn a_zero_has_no_sign() {
+        let [a, b, c] = [Vec3::new(0.0, -9.0, -9.0), Vec3::new(0.0, 9.0, -9.0), Vec3::Z * 9.0];
+        let mut triangles = soup(40, 1.0, 7);
+        triangles.iter_mut().for_each(|t| t.corners = t.corners.map(|p| p + Vec3::X * 50.0));
+        triangles.push(Triangle { corners: [a, b, c], face: 0 });
+        let bvh = Bvh::build(&triangles);
+        let origin = Vec3::new(1.0, 0.0, 0.0);
+        for direction in [Vec3::NEG_X, -Vec3::X, Vec3::new(-1.0, 0.0, -0.0)] {
+            let found = bvh.closest(origin, direction, 0.0, 2.0);
+            assert_eq!(found.map(|f| f.triangle), Some(40), "{direction:?}");
+            assert!(bvh.occluded(origin, direction, 0.0, 2.0), "{direction:?}");
+        }
     }
 
     #[test]

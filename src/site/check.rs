@@ -217,6 +217,14 @@ pub fn doubts(site: &Site, reach_m: f64) -> Vec<Finding> {
     if !LIKELY_SIZE_M.contains(&size) {
         warn("", format!("the scene is {size} m large; is its unit the metre?"));
     }
+    if let Some(axis) = likely_up(site) {
+        warn(
+            "",
+            format!(
+                "most of its area faces along {axis}, next to nothing up or down: is {axis} the axis that points up? State it (up = \"{axis}\"; --up {axis} of `new`)"
+            ),
+        );
+    }
     let share = missing_ground(site, reach_m);
     if share > MISSING_SHARE {
         warn(
@@ -251,6 +259,22 @@ pub fn doubts(site: &Site, reach_m: f64) -> Vec<Finding> {
         );
     }
     out
+}
+
+/// Another axis than z that seems to point up: ground, roofs and floors are most of a scene's area.
+fn likely_up(site: &Site) -> Option<char> {
+    let mut along = [0.0_f64; 3];
+    let mut all = 0.0;
+    for triangle in &site.triangles {
+        let (normal, area_m2) = (triangle.normal().abs(), f64::from(triangle.area_m2()));
+        all += area_m2;
+        if let Some(axis) = (0..3).find(|&k| normal[k] > 0.9) {
+            along[axis] += area_m2;
+        }
+    }
+    let suspects = ['x', 'y'].into_iter().zip(along);
+    let upright = along[2] < 0.1 * all;
+    suspects.filter(|(_, area_m2)| upright && *area_m2 > 0.6 * all).map(|(axis, _)| axis).next()
 }
 
 /// Share of the disc around the PV, seen from above, under which no surface lies. Asked on a grid

@@ -161,6 +161,13 @@ pub(super) fn reference_system(
         if is_geographic(found) {
             return Err(Error::Geographic { path: source.file.clone(), crs: found.clone() });
         }
+        if epsg(found) == Some(3857) {
+            let message = format!(
+                "its coordinate reference system is {found} (Web Mercator), whose units aren't metres: lengths are half as much again too large in central Europe; reproject it"
+            );
+            let place = Place { file: source.file.clone(), ..Place::default() };
+            log.warn("files whose units aren't metres", place, message);
+        }
         match &crs {
             None => crs = Some(found.clone()),
             Some(first) if !same_plane(first, found) => {

@@ -5,7 +5,7 @@ use glam::DVec3;
 
 use super::emitter::{Emitter, Pieces};
 use super::horizon::Horizon;
-use crate::site::bsdf::{Cone, Chart, Square};
+use crate::site::bsdf::{Chart, Cone, Square};
 
 /// Squares that an emitter's lobes are cut into for one sun, at most.
 const MOST_SQUARES: usize = 1024;

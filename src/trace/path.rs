@@ -543,7 +543,7 @@ mod tests {
                     const FINE: u8 = 12;
                     let side = |bits: u32| (bits % (1 << FINE)) as u16;
                     let (x, y) = (side(random.bits()), side(random.bits()));
-                    let fine = Square { lobe, level: FINE, x, y };
+                    let fine = Square { chart: lobe, level: FINE, x, y };
                     let (u, v) = (random.uniform(), random.uniform());
                     if incident.z <= 0.0 || to_sun.z <= 0.0 {
                         continue;

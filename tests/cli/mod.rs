@@ -4,3 +4,4 @@ mod bsdf;
 mod commands;
 mod folder;
 mod real_site;
+mod receivers;

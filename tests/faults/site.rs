@@ -1,6 +1,8 @@
 //! Scenes: what is read of real files, and what broken ones are told.
 
 mod city;
+mod index;
+mod pv;
 mod radiance;
 mod selection;
 
@@ -85,7 +87,7 @@ fn warnings(site: &Site) -> String {
     warnings.map(|f| format!("{f}\n")).collect()
 }
 
-const SCENE: &str = "\
+pub(super) const SCENE: &str = "\
 # a roof over a yard
 void plastic wall 0 0 5 .4 .4 .4 0 0
 void alias brick wall
@@ -114,7 +116,7 @@ fn city_text(objects: &str, vertices: &str) -> String {
 /// A 10 x 10 m roof with a hole of 2 x 2 m, over a ground 5 m below.
 const VERTICES: &str = "[[0,0,5],[10,0,5],[10,10,5],[0,10,5],[4,4,5],[6,4,5],[6,6,5],[4,6,5],[0,0,0],[10,0,0],[10,10,0],[0,10,0]]";
 
-fn house(semantics: &str) -> String {
+pub(super) fn house(semantics: &str) -> String {
     let geometry = format!(
         r#"{{"type":"Solid","lod":"2","boundaries":[[[[0,1,2,3],[4,5,6,7]],[[11,10,9,8]]]],"semantics":{semantics}}}"#
     );
@@ -126,5 +128,13 @@ fn house(semantics: &str) -> String {
     )
 }
 
-const ROOF_AND_GROUND: &str =
+pub(super) const ROOF_AND_GROUND: &str =
     r#"{"surfaces":[{"type":"RoofSurface"},{"type":"GroundSurface"}],"values":[[0,1]]}"#;
+
+/// A tree that stands where its template is put.
+pub(super) const TEMPLATES: &str = r#"{"type":"CityJSON","version":"1.0","CityObjects":{
+      "tree":{"type":"SolitaryVegetationObject","geometry":[{"type":"GeometryInstance","template":0,"boundaries":[1],
+        "transformationMatrix":[2,0,0,1, 0,2,0,0, 0,0,2,0, 0,0,0,1]}]}},
+      "vertices":[[0,0,0],[100,50,3]],
+      "geometry-templates":{"templates":[{"type":"MultiSurface","lod":2,"boundaries":[[[0,1,2]]]}],
+        "vertices-templates":[[0,0,0],[1,0,0],[0,1,0]]}}"#;

@@ -2,6 +2,7 @@
 
 mod commands;
 pub mod fuzz;
+mod geotiff;
 mod meshes;
 mod speed;
 mod terrain;
@@ -13,7 +14,8 @@ use std::time::{Duration, Instant};
 use glam::{DVec3, Vec3, vec3};
 use glintmap::base::{Purpose, Severity, Stream};
 use glintmap::site::{
-    Error, Loaded, Origin, PvSpec, SceneFile, SceneSpec, Select, Site, load, tilt_deg,
+    Error, Files as SceneFiles, Loaded, Origin, PvSpec, SceneFile, SceneSpec, Select, Site, load,
+    load_from, tilt_deg,
 };
 
 use crate::support;
@@ -160,6 +162,43 @@ fn ply(encoding: &str) -> Vec<u8> {
     out
 }
 
+fn base64(data: &[u8]) -> String {
+    let alphabet = b"ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
+    let four = |c: &[u8]| {
+        let n = (0..3).fold(0_usize, |n, i| n << 8 | usize::from(*c.get(i).unwrap_or(&0)));
+        [18, 12, 6, 0].map(|shift| char::from(alphabet[n >> shift & 63]))
+    };
+    data.chunks(3).flat_map(four).collect()
+}
+
+/// A square of 4 m at y = 1 (which is up), as shares of 255; sparse: its third corner at y = 2.
+fn quantised(sparse: bool) -> Vec<u8> {
+    let mut data: Vec<u8> = Vec::new();
+    for [x, z] in [[0, 0], [0, 255], [255, 255], [255, 0]] {
+        data.extend([x, 64, z, 0_u8]);
+    }
+    data.extend([0, 1, 2, 0, 2, 3, 2, 0]);
+    data.extend([255, 128, 255, 0]);
+    let replaced = r#","sparse":{"count":1,"indices":{"bufferView":1,"byteOffset":22,"componentType":5121},"values":{"bufferView":2}}"#;
+    let replaced = if sparse {
+        replaced.replace("\"byteOffset\":22", "\"byteOffset\":6")
+    } else {
+        String::new()
+    };
+    let uri = base64(&data);
+    let step = 4.0;
+    format!(
+        r#"{{"asset":{{"version":"2.0"}},"extensionsUsed":["KHR_mesh_quantization"],"extensionsRequired":["KHR_mesh_quantization"],
+"scenes":[{{"nodes":[0]}}],"nodes":[{{"mesh":0,"scale":[{step},3.984375,{step}]}}],
+"meshes":[{{"primitives":[{{"attributes":{{"POSITION":0}},"indices":1}}]}}],
+"accessors":[{{"bufferView":0,"componentType":5121,"count":4,"normalized":true,"type":"VEC3","min":[0,64,0],"max":[255,128,255]{replaced}}},
+{{"bufferView":1,"componentType":5121,"count":6,"type":"SCALAR"}}],
+"bufferViews":[{{"buffer":0,"byteOffset":0,"byteLength":16,"byteStride":4}},{{"buffer":0,"byteOffset":16,"byteLength":8}},{{"buffer":0,"byteOffset":24,"byteLength":4}}],
+"buffers":[{{"byteLength":28,"uri":"data:application/octet-stream;base64,{uri}"}}]}}"#
+    )
+    .into_bytes()
+}
+
 /// A square of two triangles that share no vertices, under a node that lifts and doubles it.
 fn gltf(indices: [u16; 6], binary: bool) -> Vec<u8> {
     let mut data = Vec::new();
@@ -173,14 +212,7 @@ fn gltf(indices: [u16; 6], binary: bool) -> Vec<u8> {
     let uri = if binary {
         String::new()
     } else {
-        let alphabet = b"ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
-        let text: String = data
-            .chunks(3)
-            .flat_map(|c| {
-                let n = c.iter().fold(0_usize, |n, &b| n << 8 | usize::from(b));
-                (0..4).map(move |i| char::from(alphabet[n >> (18 - 6 * i) & 63]))
-            })
-            .collect();
+        let text = base64(&data);
         format!(r#","uri":"data:application/octet-stream;base64,{text}""#)
     };
     let json = format!(

@@ -2,8 +2,8 @@
 
 mod bsdf;
 mod glare;
-mod photons;
 mod mirror;
+mod photons;
 mod picture;
 mod scenes;
 mod sky;

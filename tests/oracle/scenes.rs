@@ -63,7 +63,7 @@ const SLAB_RAD: &str = "green polygon c 0 0 9 0 0 2 4 0 2 0 2 3\n";
 const WAYS: [&str; 6] = [
     "!cat part.rad\n",
     "!xform -n moved -t 3 -2 1 -rx 30 -ry -50 -rz 200 part.rad\n",
-    "!xform -s 1.7 -mx -rz 15 part.rad\n!xform -t 0 20 0 -f args part.rad\n",
+    "!xform -s 1.7 -mx -rz 15 part.rad\n!xform -f args -t 0 20 0 part.rad\n",
     "!xform -I -m blue -my -mz part.rad\n",
     "!xform -rx 20 -a 3 -t 0 0 5 -a 2 -t 7 0 0 -i 1 -rz 45 part.rad\n",
     "!cat part.rad | xform -t 2 0 0 -i 3 -rz 25 -i 1 -s -0.8\n!xform -n deep -t 0 9 0 nest/inner.rad\n",
@@ -204,7 +204,7 @@ fn first_hits_are_those_of_rtrace() {
             fs::write(at("part.rad"), shape).unwrap();
             fs::write(at("args"), "-t 1 0 0 -rx 10\n# a comment\n-n far -s 2 -a 2 -t 0 0 9\n")
                 .unwrap();
-            fs::write(at("nest/inner.rad"), "!xform -n in -rz 90 nest/more.rad\n").unwrap();
+            fs::write(at("nest/inner.rad"), "!xform -n in -rz 90 more.rad\n").unwrap();
             fs::write(at("nest/more.rad"), shape).unwrap();
             fs::write(at("scene.rad"), format!("{MATERIALS}{}", WAYS[w])).unwrap();
             fs::write(at("block.obj"), BLOCK_OBJ).unwrap();
@@ -282,7 +282,7 @@ fn names_and_fronts_are_those_of_xform() {
     let folder = tempfile::tempdir().unwrap();
     let at = |file: &str| folder.path().join(file);
     fs::write(at("part.rad"), SHAPES[2].1).unwrap();
-    fs::write(at("args"), "-t 1 2 0 -rx 10\n\n# no\n-n far -s 2 -a 2 -t 0 0 9\n").unwrap();
+    fs::write(at("args"), "-t 1 2 0 -rx 10\n\n# no\n-s 2 -a 2 -t 0 0 9\n").unwrap();
     let commands = [
         "xform -n b -a 2 -t 0 0 5 -a 3 -t 4 0 0 part.rad",
         "xform -a 2 -mx part.rad",

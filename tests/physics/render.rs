@@ -217,8 +217,7 @@ fn threads_change_nothing_and_the_file_gives_hits_back() {
     let map = &both[0].0;
     let folder = tempfile::tempdir().expect("a folder");
     let path = folder.path().join("hits.gmh");
-    map.write(&path, &view.to_options(), 7.0, &glintmap::base::Provenance::default())
-        .expect("writes");
+    map.write(&path, &view, 7.0, &glintmap::base::Provenance::default()).expect("writes");
     let (back, facts) = HitMap::read(&path).expect("reads");
     assert_eq!(&back, map);
     assert_eq!(View::parse(&facts.view, 90, 70).expect("parses"), view);

@@ -1,4 +1,4 @@
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 use super::profile::{Class, Limit, Profile, Quantity};
 
@@ -41,7 +41,7 @@ impl Metrics {
 }
 
 /// How one limit was judged.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Outcome {
     /// It is exceeded.
@@ -57,7 +57,7 @@ pub enum Outcome {
 }
 
 /// One limit and how it was judged.
-#[derive(Clone, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Judged {
     /// The limit's name.
     pub limit: String,
@@ -73,7 +73,7 @@ pub struct Judged {
 }
 
 /// What a profile says of a receiver.
-#[derive(Clone, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Verdict {
     /// The profile.
     pub profile: String,

@@ -81,9 +81,10 @@ impl Reader<'_> {
         let file = BsdfFile::read(&path).map_err(wrong)?;
         let side = t.side.unwrap_or_default();
         let measured = file.reflection(side, t.spectrum).map_err(wrong)?;
-        let hash = hash_path(&path).map_err(|source| Error::Read { path, source })?;
+        let hash = hash_path(&path).map_err(|source| Error::Read { path: path.clone(), source })?;
+        let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
         let notes = file.notes.iter().cloned().chain(measured.notes()).collect();
-        let made = Made::File { bsdf: hash, side, spectrum: t.spectrum };
+        let made = Made::File { bsdf: hash, name, side, spectrum: t.spectrum };
         Ok(Material { made, bsdf: Bsdf::Measured(measured), notes })
     }
 

@@ -13,7 +13,7 @@ use serde_json::json;
 use super::receivers::sheet::quoted;
 use super::render::read_hits;
 use crate::base::Timeline;
-use crate::glare::{self, Analysis, Event};
+use crate::glare::{self, Analysis, Event, Events};
 use crate::pages::{Access, Neighbours, OpenOptions, Query, Store};
 use crate::render::{Hit, HitMap};
 use crate::run::Error;
@@ -23,18 +23,14 @@ use crate::run::resolve::{Candidate, PlannedView};
 use crate::site::{Site, map_from_local};
 use crate::volume::Volume;
 
-/// Pixels at which the photon store is asked which surface sends the events there; where there are
-/// more, those of the events with most voxels are.
-const ASKED_PIXELS: usize = 100_000;
-/// Photons asked for at each of them.
+/// Events that are taken into memory at a time; the peaks of a block that share a pixel share a
+/// search.
+const BLOCK_EVENTS: usize = 1 << 16;
+/// Photons asked for at each peak.
 const ASKED_PHOTONS: usize = 2000;
 
-/// What is added to an event.
-struct Known {
-    hit: Option<Hit>,
-    /// The PV surface that sends most of it, and its share.
-    surface: Option<(u16, f64)>,
-}
+/// The PV surface that sends most of an event, and its share; `None` where no photon tells.
+type Sender = Option<(u16, f32)>;
 
 /// Writes `events.csv` and `events.geojson`; their names below `run/`.
 pub(super) fn write(
@@ -49,19 +45,21 @@ pub(super) fn write(
     let hits = read_hits(job, view)?;
     let options = OpenOptions { cache_bytes: job.options.page_cache_bytes, access: Access::Mapped };
     let store = Store::open(&job.folder.at(&job.folder.store(&candidate.name)), &options)?;
-    let known = known(&analysis.events, &hits, &store, view)?;
+    let senders = senders(&analysis.events, &hits, &store, view)?;
     let timeline = job.timeline()?;
     let told = Told {
         clock: Clock::new(&job.resolved.project.site, timeline.year),
         timeline,
         site: job.site()?,
+        hits: &hits,
         north_deg: job.resolved.scene.north_deg,
         surfaces: &store.info().surfaces,
     };
     let csv = name("events.csv");
     let path = job.folder.prepare(&csv)?;
     seal::write(&path, |out| {
-        let rows = analysis.events.iter().zip(&known).map(|(e, k)| told.columns(e, k));
+        let events = analysis.events.iter()?.zip(&senders);
+        let rows = events.map(|(event, sender)| Ok(told.columns(&event?, *sender)));
         let mut longer = Longer::new(out, rows);
         glare::write_events(&mut longer, &analysis.events, volume.axis())
     })
@@ -69,7 +67,7 @@ pub(super) fn write(
     let points = name("events.geojson");
     let path = job.folder.at(&points);
     let crs = job.resolved.scene.crs.as_deref();
-    seal::write(&path, |out| told.geojson(out, &analysis.events, &known, crs))
+    seal::write(&path, |out| told.geojson(out, &analysis.events, &senders, crs))
         .map_err(|source: io::Error| Error::Write { path: path.clone(), source })?;
     Ok(vec![csv, points])
 }
@@ -86,35 +84,44 @@ fn pixel(event: &Event, hits: &HitMap) -> usize {
 }
 
 /// Which surface sends each event: the photons around its peak, in its timesteps. One search for
-/// each pixel that is the peak of an event.
-fn known(
+/// each pixel of a block that is the peak of an event.
+fn senders(
+    events: &Events,
+    hits: &HitMap,
+    store: &Store,
+    view: &PlannedView,
+) -> Result<Vec<Sender>, Error> {
+    let spilled = |source| Error::Read { path: PathBuf::from("the spilled glare events"), source };
+    let mut out = Vec::with_capacity(events.len());
+    let mut all = events.iter().map_err(spilled)?;
+    loop {
+        let block: Vec<Event> =
+            all.by_ref().take(BLOCK_EVENTS).collect::<io::Result<_>>().map_err(spilled)?;
+        if block.is_empty() {
+            return Ok(out);
+        }
+        senders_of_block(&block, hits, store, view, &mut out)?;
+    }
+}
+
+fn senders_of_block(
     events: &[Event],
     hits: &HitMap,
     store: &Store,
     view: &PlannedView,
-) -> Result<Vec<Known>, Error> {
-    let at = |e: &Event| e.peak_row as usize * hits.columns + e.peak_column as usize;
-    let mut out: Vec<Known> = events
-        .iter()
-        .map(|e| {
-            let hit = hits.hits.get(pixel(e, hits)).filter(|h| h.kind.receives());
-            Known { hit: hit.copied(), surface: None }
-        })
-        .collect();
+    out: &mut Vec<Sender>,
+) -> Result<(), Error> {
+    let first = out.len();
+    out.resize(first + events.len(), None);
     let mut by_pixel: BTreeMap<usize, Vec<usize>> = BTreeMap::new();
     for (i, e) in events.iter().enumerate() {
-        by_pixel.entry(at(e)).or_default().push(i);
+        let pixel = e.peak_row as usize * hits.columns + e.peak_column as usize;
+        by_pixel.entry(pixel).or_default().push(i);
     }
-    let mut asked: Vec<(usize, Vec<usize>)> = by_pixel.into_iter().collect();
-    if asked.len() > ASKED_PIXELS {
-        let most = |list: &[usize]| list.iter().map(|i| events[*i].voxels).max();
-        asked.sort_by_key(|(pixel, list)| (std::cmp::Reverse(most(list)), *pixel));
-        asked.truncate(ASKED_PIXELS);
-        asked.sort_by_key(|(pixel, _)| *pixel);
-    }
+    let asked: Vec<(usize, Vec<usize>)> = by_pixel.into_iter().collect();
     let count = view.series_bandwidth.unwrap_or(ASKED_PHOTONS).min(ASKED_PHOTONS);
     let max_radius_m = view.annual.max_radius_m.unwrap_or_else(|| store.max_radius_m(count));
-    let found: Vec<Vec<(usize, (u16, f64))>> = asked
+    let found: Vec<Vec<(usize, (u16, f32))>> = asked
         .par_iter()
         .map_init(Neighbours::default, |near, (pixel, list)| {
             let Some(hit) = hits.hits.get(*pixel).filter(|h| h.kind.receives()) else {
@@ -122,28 +129,30 @@ fn known(
             };
             let query = Query { point: hit.position, normal: hit.normal, count, max_radius_m };
             store.nearest(&query, near)?;
-            let surface = |i: &usize| {
-                let (first, last) = (events[*i].first, events[*i].last);
-                let mut sums: BTreeMap<u16, f64> = BTreeMap::new();
-                for p in near.items().iter().filter(|p| (first..=last).contains(&p.timestep)) {
-                    *sums.entry(p.surface).or_insert(0.0) += f64::from(p.flux_w);
-                }
-                let sum: f64 = sums.values().sum();
-                let mut main = None;
-                for (surface, flux) in sums {
-                    if main.is_none_or(|(_, most)| flux > most) {
-                        main = Some((surface, flux));
-                    }
-                }
-                main.filter(|_| sum > 0.0).map(|(s, flux)| (*i, (s, flux / sum)))
-            };
-            Ok(list.iter().filter_map(surface).collect())
+            let sender = |i: &usize| main_sender(&events[*i], near).map(|s| (*i, s));
+            Ok(list.iter().filter_map(sender).collect())
         })
         .collect::<Result<_, Error>>()?;
-    for (i, surface) in found.into_iter().flatten() {
-        out[i].surface = Some(surface);
+    for (i, sender) in found.into_iter().flatten() {
+        out[first + i] = Some(sender);
     }
-    Ok(out)
+    Ok(())
+}
+
+/// The surface with most flux among the photons of an event's timesteps; the first of equals.
+fn main_sender(event: &Event, near: &Neighbours) -> Sender {
+    let mut sums: BTreeMap<u16, f64> = BTreeMap::new();
+    for p in near.items().iter().filter(|p| (event.first..=event.last).contains(&p.timestep)) {
+        *sums.entry(p.surface).or_insert(0.0) += f64::from(p.flux_w);
+    }
+    let sum: f64 = sums.values().sum();
+    let mut main: Option<(u16, f64)> = None;
+    for (surface, flux) in sums {
+        if main.is_none_or(|(_, most)| flux > most) {
+            main = Some((surface, flux));
+        }
+    }
+    main.filter(|_| sum > 0.0).map(|(surface, flux)| (surface, (flux / sum) as f32))
 }
 
 /// What turns numbers into words.
@@ -151,6 +160,7 @@ struct Told<'a> {
     clock: Clock,
     timeline: &'a Timeline,
     site: &'a Site,
+    hits: &'a HitMap,
     north_deg: f64,
     surfaces: &'a [String],
 }
@@ -177,8 +187,13 @@ impl Told<'_> {
         self.surfaces.get(usize::from(number)).map_or("", String::as_str)
     }
 
-    fn columns(&self, event: &Event, known: &Known) -> String {
-        let place = match &known.hit {
+    /// What is seen where an event is.
+    fn hit(&self, event: &Event) -> Option<&Hit> {
+        self.hits.hits.get(pixel(event, self.hits)).filter(|h| h.kind.receives())
+    }
+
+    fn columns(&self, event: &Event, sender: Sender) -> String {
+        let place = match self.hit(event) {
             Some(hit) => {
                 let local = hit.position.as_dvec3();
                 let map = self.map(local);
@@ -192,7 +207,7 @@ impl Told<'_> {
             }
             None => ",".repeat(6),
         };
-        let who = match known.surface {
+        let who = match sender {
             Some((s, share)) => format!("{},{share:.3}", quoted(self.surface(s))),
             None => ",".to_owned(),
         };
@@ -204,8 +219,8 @@ impl Told<'_> {
     fn geojson(
         &self,
         out: &mut impl Write,
-        events: &[Event],
-        known: &[Known],
+        events: &Events,
+        senders: &[Sender],
         crs: Option<&str>,
     ) -> io::Result<()> {
         write!(out, "{{\"type\":\"FeatureCollection\",")?;
@@ -215,8 +230,9 @@ impl Told<'_> {
         }
         write!(out, "\"features\":[")?;
         let mut comma = "";
-        for (event, known) in events.iter().zip(known) {
-            let Some(hit) = &known.hit else { continue };
+        for (event, sender) in events.iter()?.zip(senders) {
+            let event = event?;
+            let Some(hit) = self.hit(&event) else { continue };
             let place = self.map(hit.position.as_dvec3()).to_array();
             // Centimetres are enough, and short.
             let place = place.map(|v| (v * 100.0).round() / 100.0);
@@ -234,8 +250,8 @@ impl Told<'_> {
                     "peak_w_m2": event.peak_w_m2,
                     "centroid": [event.centroid_column, event.centroid_row],
                     "object": self.object(hit),
-                    "pv_surface": known.surface.map(|(s, _)| self.surface(s)),
-                    "pv_share": known.surface.map(|(_, share)| (share * 1000.0).round() / 1000.0),
+                    "pv_surface": sender.map(|(s, _)| self.surface(s)),
+                    "pv_share": sender.map(|(_, share)| (f64::from(share) * 1000.0).round() / 1000.0),
                 },
             });
             write!(out, "{comma}\n{feature}")?;
@@ -253,13 +269,13 @@ struct Longer<'a, W, R> {
     line: usize,
 }
 
-impl<'a, W: Write, R: Iterator<Item = String>> Longer<'a, W, R> {
+impl<'a, W: Write, R: Iterator<Item = io::Result<String>>> Longer<'a, W, R> {
     fn new(out: &'a mut W, rows: R) -> Self {
         Self { out, rows, line: 0 }
     }
 }
 
-impl<W: Write, R: Iterator<Item = String>> Write for Longer<'_, W, R> {
+impl<W: Write, R: Iterator<Item = io::Result<String>>> Write for Longer<'_, W, R> {
     fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
         for part in bytes.split_inclusive(|b| *b == b'\n') {
             match part.split_last() {
@@ -267,7 +283,7 @@ impl<W: Write, R: Iterator<Item = String>> Write for Longer<'_, W, R> {
                     self.out.write_all(rest)?;
                     let more = match self.line {
                         0 => COLUMNS.to_owned(),
-                        _ => self.rows.next().unwrap_or_default(),
+                        _ => self.rows.next().transpose()?.unwrap_or_default(),
                     };
                     writeln!(self.out, ",{more}")?;
                     self.line += 1;
@@ -290,7 +306,7 @@ mod tests {
     #[test]
     fn every_line_gets_its_columns_however_it_is_written() {
         let mut out = Vec::new();
-        let rows = ["one", "two"].map(str::to_owned);
+        let rows = ["one", "two"].map(|row| Ok(row.to_owned()));
         let mut longer = Longer::new(&mut out, rows.into_iter());
         for part in ["fir", "st\n1", ",2", "\n3,4\n"] {
             longer.write_all(part.as_bytes()).expect("writes");

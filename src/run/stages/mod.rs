@@ -3,6 +3,8 @@
 
 mod events;
 mod glare;
+mod judged;
+mod people;
 mod photons;
 mod pictures;
 mod receivers;
@@ -13,6 +15,8 @@ mod verdicts;
 mod year;
 
 pub(super) use glare::glare;
+pub use judged::Judgement;
+pub(super) use judged::read as read_judgements;
 pub(super) use photons::{Traced, pages, trace};
 pub(super) use pictures::{key as pictures_key, pictures};
 pub(super) use receivers::{check as check_receivers, received_unit};

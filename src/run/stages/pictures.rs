@@ -2,10 +2,12 @@
 //! over all materials and views; and the ratio maps.
 
 mod marks;
+mod occurrence;
 
 use std::path::PathBuf;
 use std::time::Instant;
 
+use rayon::prelude::*;
 use serde_json::json;
 
 use self::marks::Marks;
@@ -56,19 +58,24 @@ pub(in crate::run) fn pictures(job: &mut Job<'_>) -> Result<(), Error> {
         let direct = read_rgb(job, view)?;
         let marks = Marks::of(job, view)?;
         outputs.push(daylight(job, view, &direct)?);
-        for candidate in &resolved.candidates {
-            for quantity in &quantities {
-                job.progress.check()?;
-                let exr_name =
-                    job.folder.map(&candidate.name, &view.name, &format!("{}.exr", quantity.file));
-                if job.folder.at(&exr_name).exists() {
-                    let png = draw(job, candidate, view, quantity, &direct, &marks)?;
-                    outputs.push(png);
-                }
-                job.progress.advance(1);
-            }
-        }
+        let tasks: Vec<(&Candidate, &Quantity)> = resolved
+            .candidates
+            .iter()
+            .flat_map(|c| quantities.iter().map(move |q| (c, q)))
+            .collect();
+        let drawn = tasks.par_iter().map(|(candidate, quantity)| {
+            job.progress.check()?;
+            let exr_name =
+                job.folder.map(&candidate.name, &view.name, &format!("{}.exr", quantity.file));
+            let there = job.folder.at(&exr_name).exists();
+            let png =
+                there.then(|| draw(job, candidate, view, quantity, &direct, &marks)).transpose()?;
+            job.progress.advance(1);
+            Ok(png)
+        });
+        outputs.extend(drawn.collect::<Result<Vec<_>, Error>>()?.into_iter().flatten());
     }
+    outputs.extend(occurrence::draw(job)?);
     job.progress.finish();
     let made = outputs.len();
     job.done("pictures", &key, &outputs, began, json!({ "files": made }))
@@ -85,9 +92,12 @@ pub(in crate::run) fn key(resolved: &Resolved) -> Result<String, Error> {
             }
             parts.push(render);
         }
+        for set in &resolved.sensors {
+            parts.push(resolved.received_key(candidate, set)?);
+        }
     }
     let p = &resolved.project;
-    key_of("pictures", &(parts, &p.site, &p.observer, &p.reference))
+    key_of("pictures", &(parts, &p.site, &p.observer, &p.region, &p.reference))
 }
 
 /// Writes each candidate's annual map divided by the reference's.
@@ -243,7 +253,77 @@ fn quantities(job: &Job<'_>) -> Result<Vec<Quantity>, Error> {
             });
         }
     }
+    unfiltered(job, watts, what, &mut out)?;
     Ok(out)
+}
+
+/// What was read off the series as it is: the measure that rules judge.
+fn unfiltered(
+    job: &Job<'_>,
+    watts: &str,
+    what: &str,
+    out: &mut Vec<Quantity>,
+) -> Result<(), Error> {
+    let thresholds = &job.resolved.project.glare.thresholds_w_m2;
+    for (file, channel, title, meaning, unit) in [(
+        "longest_day_h",
+        "longest_day.h",
+        "Glare on the worst day",
+        "The most time above the threshold on any one day.",
+        "h",
+    )] {
+        let mut grids = Vec::new();
+        for t in thresholds {
+            grids.extend(all(job, &format!("glare-{t}/unfiltered/{file}"), channel)?);
+        }
+        let max = scale::percentile(&grids, 1.0);
+        let max = if max > 0.0 { scale::nice_ceiling(max) } else { 1.0 };
+        for t in thresholds {
+            out.push(Quantity {
+                file: format!("glare-{t}/unfiltered/{file}"),
+                channel: channel.into(),
+                title: format!("{title} above {t} {watts}"),
+                legend: format!("above {t} {watts}"),
+                bare: "no colour: never above the threshold".into(),
+                caption: format!(
+                    "{meaning} Irradiance {what}, unfiltered; noise makes single pixels too high."
+                ),
+                scale: Scale::linear(max, unit),
+                faint_wh_m2: None,
+            });
+        }
+    }
+    // The margins don't depend on a threshold: one picture for all.
+    let Some(t) = thresholds.first() else { return Ok(()) };
+    for (file, channel, title, legend) in [
+        (
+            "exceeded_30min_w_m2",
+            "exceeded_30min.w_m2",
+            "Exceeded for half an hour on the worst day",
+            "irradiance exceeded for 30 min",
+        ),
+        (
+            "exceeded_50h_w_m2",
+            "exceeded_50h.w_m2",
+            "Exceeded for 50 hours of the year",
+            "irradiance exceeded for 50 h",
+        ),
+    ] {
+        let file = format!("glare-{t}/unfiltered/{file}");
+        let max =
+            scale::nice_ceiling(scale::percentile(&all(job, &file, channel)?, COVERED).max(1e-6));
+        out.push(Quantity {
+            file,
+            channel: channel.into(),
+            title: title.into(),
+            legend: legend.into(),
+            bare: "no colour: less, or not for so long".into(),
+            caption: format!("The margin to any threshold: one below this value is exceeded for that long here. Irradiance {what}, unfiltered."),
+            scale: decades(max, watts),
+            faint_wh_m2: None,
+        });
+    }
+    Ok(())
 }
 
 /// A logarithmic scale; what lies below it shows the background: there, single photons decide.

@@ -8,8 +8,10 @@ use std::time::Instant;
 use glintmap_formats::seal;
 use serde_json::json;
 
+use super::judged::class;
 use super::pictures::read;
 use super::render::read_hits;
+use crate::glare::rules::Class;
 use crate::pages::{Access, OpenOptions, Store};
 use crate::render::sensors;
 use crate::run::Error;
@@ -19,6 +21,9 @@ use crate::run::points::{PointSet, Spreader};
 use crate::run::received::{Reader, Received};
 use crate::run::resolve::{Candidate, PlannedView, Points};
 use crate::volume::{TimeAxis, Volume};
+
+/// Clock times at which glare outdoors counts, h.
+const OUTDOOR_H: [f64; 2] = [6.0, 22.0];
 
 /// Checks what regions name before anything is made.
 pub(in crate::run) fn check(job: &Job<'_>) -> Result<(), Error> {
@@ -52,7 +57,7 @@ pub(in crate::run) fn place(job: &mut Job<'_>, set: &PlannedView) -> Result<(), 
     let name = job.folder.hits(&set.name);
     let path = job.folder.prepare(&name)?;
     let provenance = job.provenance(&key, &[("view", &set.name)]);
-    placed.hits.write(&path, "sensors", trace.max_path_m, &provenance)?;
+    placed.hits.write_sensors(&path, trace.max_path_m, &provenance)?;
     let list = job.folder.points(&set.name);
     let path = job.folder.at(&list);
     let text = serde_json::to_vec_pretty(&points.set).map_err(std::io::Error::from)?;
@@ -118,7 +123,7 @@ fn one(
             Ok([of("cumulative")?, of("longest_run")?])
         })
         .collect::<Result<Vec<_>, Error>>()?;
-    let reader = Reader {
+    let mut reader = Reader {
         hits: &hits,
         volume: &volume,
         axis: &axis,
@@ -128,6 +133,7 @@ fn one(
         thresholds,
         annual: annual.data(),
         filtered: &filtered,
+        counts: vec![true; steps],
     };
     let clock = Clock::new(&job.resolved.project.site, axis.year);
     let mut outputs = Vec::new();
@@ -137,7 +143,15 @@ fn one(
     job.progress.begin("receivers", groups.len() as u64, "receivers");
     for (number, group) in groups.iter().enumerate() {
         job.progress.check()?;
-        let reading = reader.read(group)?;
+        let outdoor = class(job, &group.name) == Some(Class::Outdoor);
+        for (t, counts) in reader.counts.iter_mut().enumerate() {
+            let hour = clock.civil_hour(axis.day[t], axis.hour[t]);
+            *counts = !outdoor || (OUTDOOR_H[0]..=OUTDOOR_H[1]).contains(&hour);
+        }
+        let mut reading = reader.read(group)?;
+        if outdoor && reading.group.not_evaluated.is_none() {
+            reading.group.notes.push("only times from 6 to 22 h count".into());
+        }
         sheet::points(&mut table, group, &reading, &hits, [&annual, &normal], &clock, &axis);
         if reading.group.not_evaluated.is_none() {
             let name = map(&format!("{}.csv", occurrence(number, &group.name)));

@@ -48,7 +48,7 @@ fn hits(job: &mut Job<'_>, view: &PlannedView) -> Result<(), Error> {
     let name = job.folder.hits(&view.name);
     let path = job.folder.prepare(&name)?;
     let provenance = job.provenance(&key, &[("view", &view.name)]);
-    hits.write(&path, &view.view.to_options(), trace.max_path_m, &provenance)?;
+    hits.write(&path, &view.view, trace.max_path_m, &provenance)?;
     job.done(&unit, &key, &[name], began, json!({ "pixels": hits.hits.len() }))
 }
 

@@ -5,6 +5,8 @@ use std::time::Instant;
 use glintmap_formats::seal;
 use serde_json::json;
 
+use super::judged::{self, Judgement};
+use super::people;
 use super::photons::Traced;
 use super::pictures::read;
 use crate::base::{Grid, Provenance};
@@ -21,20 +23,23 @@ const EVENTS: usize = 5;
 /// Writes `report.html`.
 pub(in crate::run) fn report(job: &mut Job<'_>) -> Result<(), Error> {
     let pictures = job.manifest.units.get("pictures").map(|u| u.key.clone());
-    let key = key_of("report", &(pictures, &job.resolved.project.glare.rules))?;
+    let p = &job.resolved.project;
+    let facts = (pictures, &job.resolved.rules, &p.observer, &p.region);
+    let key = key_of("report", &facts)?;
     if !job.needs(Stage::Report, "report", &key) {
         return Ok(());
     }
     let began = Instant::now();
-    let document = document(job, &key)?;
+    let (judgements, verdicts) = judged::judge(job)?;
+    let document = document(job, &key, &judgements)?;
     let name = std::path::PathBuf::from("report.html");
     let path = job.folder.at(&name);
     seal::write_bytes(&path, html(&document).as_bytes())
         .map_err(|source| Error::Write { path, source })?;
-    job.done("report", &key, &[name], began, json!({}))
+    job.done("report", &key, &[name, verdicts], began, json!({ "verdicts": judgements.len() }))
 }
 
-fn document(job: &Job<'_>, key: &str) -> Result<Document, Error> {
+fn document(job: &Job<'_>, key: &str, judgements: &[Judgement]) -> Result<Document, Error> {
     let resolved = job.resolved;
     let p = &resolved.project;
     let timeline = job.timeline()?;
@@ -53,6 +58,7 @@ fn document(job: &Job<'_>, key: &str) -> Result<Document, Error> {
         sections: Vec::new(),
         provenance: format!("{} · settings {key} · seed {}", Provenance::PROGRAM, p.photons.seed),
     };
+    document.sections.extend(people::sections(job, judgements)?);
     document.sections.push(photons(job)?);
     for view in &resolved.views {
         document.sections.push(numbers(job, view)?);
@@ -60,7 +66,7 @@ fn document(job: &Job<'_>, key: &str) -> Result<Document, Error> {
     for candidate in &resolved.candidates {
         document.sections.push(pictures_of(job, candidate)?);
     }
-    document.sections.push(limits_of_it());
+    document.sections.push(limits_of_it(job));
     Ok(document)
 }
 
@@ -96,7 +102,7 @@ fn photons(job: &Job<'_>) -> Result<Section, Error> {
             job.resolved.trace.max_path_m
         )],
         tables: vec![table],
-        figures: Vec::new(),
+        ..Section::default()
     })
 }
 
@@ -142,7 +148,7 @@ fn numbers(job: &Job<'_>, view: &PlannedView) -> Result<Section, Error> {
             "The largest value of any pixel. Durations come from the irradiance smoothed in space and time, as in the published method; a pixel with few photons can stand out.".into(),
         ],
         tables: vec![table],
-        figures: Vec::new(),
+        ..Section::default()
     };
     section.tables.extend(super::verdicts::table(job, view)?);
     section.tables.extend(longest_events(job, &events)?);
@@ -243,22 +249,42 @@ fn pictures_of(job: &Job<'_>, candidate: &Candidate) -> Result<Section, Error> {
         }
     }
     Ok(Section {
-        heading: format!("Maps of “{}”", candidate.name),
-        text: Vec::new(),
-        tables: Vec::new(),
-        figures,
+        heading: format!("Maps of “{}”", candidate.name), figures, ..Section::default()
     })
 }
 
-fn limits_of_it() -> Section {
+fn limits_of_it(job: &Job<'_>) -> Section {
+    let resolved = job.resolved;
+    let p = &resolved.project;
+    let sky = match resolved.weather {
+        Some(_) => "The sun's strength comes from the weather file.",
+        None => "The sky is always clear: the sun shines at every computed time of the year.",
+    };
+    let mut text = vec![
+        format!(
+            "{sky} Trees are opaque all year. Light is followed from the PV to the first surface; what that surface reflects again is left out. Beyond {} m from the PV nothing is computed.",
+            resolved.trace.max_path_m
+        ),
+        format!(
+            "Time above a threshold counts the irradiance {}, from the PV alone. Irradiance on a surface is less than what an eye receives that looks towards the PV: a low beam puts only part of itself onto the ground. annual.exr holds both.",
+            super::render::quantity_words(resolved.quantity)
+        ),
+        "The noise of a value is that of its photons: all irradiances two standard errors lower, and two higher. It doesn't hold what the model leaves out.".into(),
+        "Rules are judged at the point of an observer or region where each value is largest, unfiltered unless the rule asks for the filter; there it runs over time alone. A photon store knows light only where it lands: points in free air are not evaluated. Rules that need luminance or the hazard to the eye are not evaluated.".into(),
+    ];
+    if p.time.half_year {
+        text.push("Half a year was computed and counted twice (Equation (1) of the paper). Hours of the year come out 20 to 50 % too high where glare is a matter of summer, and dates of the other half are not known.".into());
+    }
+    if resolved.is_draft() {
+        text.push(format!(
+            "This is a draft: {} photons are too few for durations. It shows where glare goes, and roughly when.",
+            p.photons.stored
+        ));
+    }
+    text.push("Whether people are disturbed is a judgement that a threshold can't make.".into());
     Section {
-        heading: "What this does not say".into(),
-        text: vec![
-            "The sky is always clear and trees are opaque all year. Light is followed from the PV to the first surface; what that surface reflects again is left out. Beyond the stated distance nothing is computed.".into(),
-            "Irradiance on a surface is less than what an eye receives that looks towards the PV: a low beam puts only part of itself onto the ground. annual.exr holds both.".into(),
-            "Whether people are disturbed is a judgement that a threshold can't make.".into(),
-        ],
-        tables: Vec::new(),
-        figures: Vec::new(),
+        heading: "What this assumes, and what it does not say".into(),
+        text,
+        ..Section::default()
     }
 }

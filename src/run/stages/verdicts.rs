@@ -4,7 +4,7 @@
 use super::pictures::read;
 use super::render::read_hits;
 use crate::base::Grid;
-use crate::glare::rules::{self, Limit, Measured, Metrics, Outcome, Profile, Quantity};
+use crate::glare::rules::{Limit, Measured, Metrics, Outcome, Profile, Quantity};
 use crate::report::Table;
 use crate::run::Error;
 use crate::run::job::Job;
@@ -13,20 +13,21 @@ use crate::run::resolve::{Candidate, PlannedView};
 /// One duration map in the unit that limits use.
 struct Duration {
     quantity: Quantity,
-    threshold_w_m2: f64,
+    /// None for rules that name no irradiance.
+    threshold_w_m2: Option<f64>,
+    filtered: bool,
     map: Grid<f32>,
 }
 
 /// A row for each material, rule and limit.
 pub(super) fn table(job: &Job<'_>, view: &PlannedView) -> Result<Option<Table>, Error> {
-    let g = &job.resolved.project.glare;
     let mut table = Table {
         head: ["material", "rule", "limit", "largest here", "allowed", "verdict", "of the view"]
             .map(str::to_owned)
             .to_vec(),
         rows: Vec::new(),
     };
-    let profiles = g.rules.iter().map(|id| rules::built_in(id)).collect::<Result<Vec<_>, _>>()?;
+    let profiles = &job.resolved.rules;
     if profiles.is_empty() {
         return Ok(None);
     }
@@ -34,23 +35,21 @@ pub(super) fn table(job: &Job<'_>, view: &PlannedView) -> Result<Option<Table>, 
     let receivers = hits.hits.iter().filter(|h| h.kind.receives()).count();
     for candidate in &job.resolved.candidates {
         let durations = durations(job, candidate, view)?;
-        // Rules that judge unfiltered durations need sigma = [0, 0, 0].
-        let filtered = g.sigma.iter().any(|s| *s > 0.0);
         let metrics = Metrics {
             class: None,
             measured: durations
                 .iter()
                 .map(|d| Measured {
                     quantity: d.quantity,
-                    threshold_w_m2: Some(d.threshold_w_m2),
-                    filtered,
+                    threshold_w_m2: d.threshold_w_m2,
+                    filtered: d.filtered,
                     value: f64::from(super::report::largest(&d.map)),
                     band: None,
                 })
                 .collect(),
-            conditions: Vec::new(),
+            conditions: super::judged::conditions(job),
         };
-        for profile in &profiles {
+        for profile in profiles {
             rows(candidate, profile, &metrics, &durations, receivers, &mut table);
         }
     }
@@ -62,20 +61,27 @@ fn durations(
     candidate: &Candidate,
     view: &PlannedView,
 ) -> Result<Vec<Duration>, Error> {
+    let g = &job.resolved.project.glare;
+    let filter = g.sigma.iter().any(|s| *s > 0.0);
+    let lowest = g.thresholds_w_m2.iter().copied().fold(f64::INFINITY, f64::min);
     let mut out = Vec::new();
-    for &threshold in &job.resolved.project.glare.thresholds_w_m2 {
-        for (name, quantity, factor) in [
-            ("cumulative", Quantity::AnnualH, 1.0),
-            ("sustained", Quantity::SustainedMin, 60.0),
-            ("longest_run", Quantity::LongestRunMin, 60.0),
+    for &threshold in &g.thresholds_w_m2 {
+        for (file, channel, filtered, quantity, factor) in [
+            ("cumulative", "cumulative.h", filter, Quantity::AnnualH, 1.0),
+            ("sustained", "sustained.h", filter, Quantity::SustainedMin, 60.0),
+            ("longest_run", "longest_run.h", filter, Quantity::LongestRunMin, 60.0),
+            ("unfiltered/above_h", "above.h", false, Quantity::AnnualH, 1.0),
+            ("unfiltered/longest_run_h", "longest_run.h", false, Quantity::LongestRunMin, 60.0),
+            ("unfiltered/longest_day_h", "longest_day.h", false, Quantity::DailyTotalMin, 60.0),
         ] {
-            let file = job.folder.glare(&candidate.name, &view.name, threshold, name);
-            let map = read(job, &file.with_extension("exr"), &format!("{name}.h"))?;
-            out.push(Duration {
-                quantity,
-                threshold_w_m2: threshold,
-                map: map.map(|h| h * factor),
-            });
+            let exr =
+                job.folder.glare(&candidate.name, &view.name, threshold, &format!("{file}.exr"));
+            let map = read(job, &exr, channel)?.map(|h| h * factor);
+            if threshold == lowest {
+                let threshold_w_m2 = None;
+                out.push(Duration { quantity, threshold_w_m2, filtered, map: map.clone() });
+            }
+            out.push(Duration { quantity, threshold_w_m2: Some(threshold), filtered, map });
         }
     }
     Ok(out)
@@ -95,7 +101,8 @@ fn rows(
         row.extend(["none", "–", "–", "no numerical criterion", "–"].map(str::to_owned));
         table.rows.push(row);
     }
-    for (limit, judged) in profile.limits.iter().zip(&verdict.limits) {
+    let decides = |(limit, _): &(&Limit, _)| !limit.only_informs;
+    for (limit, judged) in profile.limits.iter().zip(&verdict.limits).filter(decides) {
         let share = share_above(limit, durations, receivers).filter(|_| judged.value.is_some());
         table.rows.push(vec![
             candidate.name.clone(),
@@ -114,7 +121,9 @@ fn rows(
 /// Share of the pixels that can receive light where the limit is exceeded.
 fn share_above(limit: &Limit, durations: &[Duration], receivers: usize) -> Option<f64> {
     let fits = |d: &&Duration| {
-        d.quantity == limit.quantity && Some(d.threshold_w_m2) == limit.threshold_w_m2
+        d.quantity == limit.quantity
+            && d.threshold_w_m2 == limit.threshold_w_m2
+            && d.filtered == limit.filtered
     };
     let map = &durations.iter().find(fits)?.map;
     let above = map.data().iter().filter(|v| f64::from(**v) > limit.value).count();

@@ -29,7 +29,7 @@ pub(super) fn channel(map: YearMap) -> String {
 }
 
 /// Writes the maps of the year into `unfiltered/` below `folder` (a name below `run/`), each as
-/// `.npy` (float32) and `.exr`. Memory holds one map at a time.
+/// `.npy` (float32) and `.exr`. A month without glare has no map. Memory holds one map at a time.
 pub(super) fn write(
     job: &Job<'_>,
     folder: &Path,
@@ -57,6 +57,10 @@ pub(super) fn write(
     for (writer, map) in writers.into_iter().zip(&maps) {
         writer.finish()?;
         let numbers = npy::Reader::<f32>::open(&job.folder.at(&name(*map, "npy")))?.read_all()?;
+        if matches!(map, YearMap::Month(_)) && numbers.iter().all(|hours| *hours == 0.0) {
+            job.remove(&name(*map, "npy"))?;
+            continue;
+        }
         let grid = Grid::from_vec(columns, rows, numbers);
         let exr_name = name(*map, "exr");
         exr::write(&job.folder.at(&exr_name), &[(channel(*map).as_str(), &grid)], attributes)?;

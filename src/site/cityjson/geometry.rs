@@ -1,12 +1,13 @@
+use std::collections::HashMap;
 use std::path::Path;
 
 use glam::{DMat4, DVec3, DVec4};
 
 use super::model::{Geometry, Nest, Semantics};
 use crate::base::{Place, limits};
-use crate::site::Object;
 use crate::site::draft::{Draft, Full, Surface};
 use crate::site::log::Log;
+use crate::site::{Material, Object};
 
 /// How many arrays lie around a surface in a geometry's boundaries; `None` for what has no
 /// surfaces.
@@ -31,12 +32,15 @@ pub(super) struct Builder<'a> {
     pub file: &'a Path,
     pub line: usize,
     pub source: u32,
+    /// Index of the draft's material of what nothing is said about.
     pub material: u32,
+    /// The draft's materials by name.
+    pub materials: &'a mut HashMap<String, u32>,
     pub id: &'a str,
     /// The city object's type, the kind of surfaces without semantics.
     pub kind: &'a str,
-    /// Draft objects of this city object, one for each kind of surface.
-    pub known: Vec<u32>,
+    /// Draft objects of this city object, one for each kind of surface, and their materials.
+    pub known: Vec<(u32, u32)>,
     pub draft: &'a mut Draft,
     pub log: &'a mut Log,
 }
@@ -169,26 +173,27 @@ impl Builder<'_> {
             self.fault(&spelt(shell, path), &message);
             return Ok(());
         }
-        let object = self.object(shell.geometry.semantics.as_ref(), meaning, shell, path);
+        let (object, material) =
+            self.object(shell.geometry.semantics.as_ref(), meaning, shell, path);
         let shape = self.draft.planar_since(first);
         self.draft.add_surface(Surface {
             shape,
             object,
-            material: self.material,
+            material,
             modifier: None,
             source: self.source,
             line: self.line as u32,
         })
     }
 
-    /// The draft object for surfaces of a kind of this city object.
+    /// The draft object for surfaces of a kind of this city object, and its material.
     fn object(
         &mut self,
         semantics: Option<&Semantics>,
         meaning: Option<u32>,
         shell: &Shell<'_>,
         path: &[usize],
-    ) -> u32 {
+    ) -> (u32, u32) {
         let surfaces = semantics.map_or(&[][..], |s| &s.surfaces);
         let named = meaning.and_then(|m| surfaces.get(m as usize));
         if let (Some(m), None) = (meaning, named) {
@@ -202,14 +207,28 @@ impl Builder<'_> {
             self.log.warn("semantics that name a surface that isn't there", self.place(), message);
         }
         let kind = named.map(|s| s.kind.as_str()).filter(|k| !k.is_empty()).unwrap_or(self.kind);
-        let same = |&&o: &&u32| self.draft.objects[o as usize].kind == kind;
+        let same = |&&(o, _): &&(u32, u32)| self.draft.objects[o as usize].kind == kind;
         if let Some(&known) = self.known.iter().find(same) {
             return known;
         }
         let object = self.draft.objects.len() as u32;
         self.draft.objects.push(Object { id: self.id.to_owned(), kind: kind.to_owned() });
-        self.known.push(object);
-        object
+        let material = self.material(kind);
+        self.known.push((object, material));
+        (object, material)
+    }
+
+    /// The material named after a kind of surface: an earlier file's, or as what nothing is said
+    /// about.
+    fn material(&mut self, kind: &str) -> u32 {
+        if let Some(&known) = self.materials.get(kind) {
+            return known;
+        }
+        let plain = self.draft.materials[self.material as usize].clone();
+        let new = self.draft.materials.len() as u32;
+        self.draft.materials.push(Material { name: kind.to_owned(), ..plain });
+        self.materials.insert(kind.to_owned(), new);
+        new
     }
 }
 

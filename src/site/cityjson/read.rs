@@ -33,6 +33,7 @@ struct Context<'a> {
     file: &'a Path,
     wanted: Option<&'a str>,
     material: u32,
+    materials: HashMap<String, u32>,
     read: Read,
     draft: &'a mut Draft,
     log: &'a mut Log,
@@ -47,7 +48,16 @@ pub(in crate::site) fn read(
     draft: &mut Draft,
     log: &mut Log,
 ) -> Result<Read, Full> {
-    let mut context = Context { source, file, wanted, material, read: Read::default(), draft, log };
+    let mut context = Context {
+        materials: named(draft),
+        source,
+        file,
+        wanted,
+        material,
+        read: Read::default(),
+        draft,
+        log,
+    };
     if let Some(document) = context.parse(bytes, 0)
         && let Some(transform) = context.head(&document, 0)
     {
@@ -65,7 +75,16 @@ pub(in crate::site) fn read_sequence(
     draft: &mut Draft,
     log: &mut Log,
 ) -> Result<Read, Full> {
-    let mut context = Context { source, file, wanted, material, read: Read::default(), draft, log };
+    let mut context = Context {
+        materials: named(draft),
+        source,
+        file,
+        wanted,
+        material,
+        read: Read::default(),
+        draft,
+        log,
+    };
     let mut head: Option<(Option<Transform>, Option<Templates>)> = None;
     for (i, line) in bytes.split(|&b| b == b'\n').enumerate() {
         if line.trim_ascii().is_empty() {
@@ -100,6 +119,11 @@ pub(in crate::site) fn read_sequence(
         context.fault(1, message.to_owned());
     }
     Ok(context.read)
+}
+
+/// The materials that are there, by name; of several the last.
+fn named(draft: &Draft) -> HashMap<String, u32> {
+    draft.materials.iter().zip(0..).map(|(m, i)| (m.name.clone(), i)).collect()
 }
 
 impl Context<'_> {
@@ -267,6 +291,7 @@ impl Context<'_> {
             line,
             source: self.source,
             material: self.material,
+            materials: &mut self.materials,
             id,
             kind: &object.kind,
             known: Vec::new(),

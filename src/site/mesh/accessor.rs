@@ -95,9 +95,9 @@ impl Buffers {
             if accessor.normalized() { (whole / largest).max(-1.0) } else { whole }
         };
         let bytes = self.items(accessor, 3 * wide)?;
-        let points = bytes
-            .chunks_exact(3 * wide)
-            .map(|item| DVec3::new(value(item), value(&item[wide..]), value(&item[2 * wide..])));
+        let points = bytes.chunks_exact(3 * wide).map(|item| {
+            DVec3::new(value(&item[..wide]), value(&item[wide..2 * wide]), value(&item[2 * wide..]))
+        });
         Ok(points.collect())
     }
 

@@ -168,7 +168,9 @@ fn arrays(
     open: Open<'_>,
     out: &mut Command,
 ) -> Result<(), String> {
-    let Some(at) = arguments.iter().position(|a| a == "-a" || a == "-f") else {
+    let at = |option: &str| arguments.iter().position(|a| a == option);
+    // As xform does: files first, whatever their place.
+    let Some(at) = at("-f").or_else(|| at("-a")) else {
         return single(arguments, out);
     };
     if depth > limits::MAX_NESTING {

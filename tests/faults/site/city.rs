@@ -76,12 +76,7 @@ fn broken_city_models_name_the_object_and_the_path() {
 #[test]
 fn templates_stand_where_their_instances_say() {
     let files = Files::new();
-    let text = r#"{"type":"CityJSON","version":"1.0","CityObjects":{
-      "tree":{"type":"SolitaryVegetationObject","geometry":[{"type":"GeometryInstance","template":0,"boundaries":[1],
-        "transformationMatrix":[2,0,0,1, 0,2,0,0, 0,0,2,0, 0,0,0,1]}]}},
-      "vertices":[[0,0,0],[100,50,3]],
-      "geometry-templates":{"templates":[{"type":"MultiSurface","lod":2,"boundaries":[[[0,1,2]]]}],
-        "vertices-templates":[[0,0,0],[1,0,0],[0,1,0]]}}"#;
+    let text = TEMPLATES;
     let site = files.load("t.city.json", text, None).unwrap();
     assert_eq!(site.triangles[0].corners[0], glam::vec3(101.0, 50.0, 3.0));
     assert_eq!(site.triangles[0].corners[1], glam::vec3(103.0, 50.0, 3.0));

@@ -190,6 +190,9 @@ fn what_looks_wrong_is_said() {
         &doubts("double.rad", &double),
         &["2 triangles lie in the same place", "(roof): another surface"],
     );
+    // A scene that lies on its side: up is y.
+    let side = format!("{roof}w polygon g 0 0 12 -90 -9 -90 90 -9 -90 90 -9 90 -90 -9 90\n");
+    says(&doubts("side.rad", &side), &["faces along y", "up = \"y\""]);
     let far = format!("w polygon g 0 0 9 3000 0 0 3100 0 0 3000 100 0\n{roof}");
     says(&doubts("far.rad", &far), &["(roof): lies more than 1000 m"]);
     says(

@@ -102,3 +102,34 @@ fn gltf_and_glb() {
         String::from_utf8(gltf([0; 6], false)).unwrap().replace("\"mesh\":0", "\"children\":[0]");
     says(&files.refusal("circle.gltf", circle), &["node 0 has two parents or is its own"]);
 }
+
+#[test]
+fn quantised_and_sparse_positions() {
+    let read = |sparse| {
+        let files = SceneFiles::in_memory([("q.gltf", quantised(sparse))]);
+        load_from(&files, &SceneSpec::of(["q.gltf"]), &[]).unwrap().site
+    };
+    // 8-bit shares of 255, four bytes a vertex, under a node that makes them metres.
+    let plain = read(false);
+    assert_eq!((plain.bounds.min, plain.bounds.max), (vec3(0., -4., 1.), vec3(4., 0., 1.)));
+    // One corner lies elsewhere.
+    let sparse = read(true);
+    assert_eq!(sparse.bounds.max, vec3(4., 0., 2.));
+    assert_eq!(sparse.triangles.len(), 2);
+    let text = |sparse| String::from_utf8(quantised(sparse)).unwrap();
+    for (text, words) in [
+        (text(true).replace("\"count\":1,", "\"count\":9,"), "outside its buffer"),
+        (text(true).replace("\"byteOffset\":6", "\"byteOffset\":8"), "outside its buffer"),
+        (text(false).replace("\"count\":4,", "\"count\":99999999,"), "claims 99999999 items"),
+        (text(false).replace("\"count\":4,", "\"count\":6,"), "outside its buffer"),
+        (text(false).replace("5121,\"count\":4", "5125,\"count\":4"), "positions are three"),
+        (
+            text(false).replace("KHR_mesh_quantization", "KHR_draco_mesh_compression"),
+            "KHR_draco_mesh_compression",
+        ),
+    ] {
+        let files = SceneFiles::in_memory([("q.gltf", text.into_bytes())]);
+        let error = load_from(&files, &SceneSpec::of(["q.gltf"]), &[]).unwrap_err();
+        says(&error.to_string(), &["q.gltf", words]);
+    }
+}

@@ -124,6 +124,32 @@ point = @STREET@
 direction = [1.0, 0.0, 0.0]
 class = "road"
 
+[[region]]                   # its walls, roof and balcony
+name = "Chalet"
+object = "chalet"
+class = "dwelling"
+
+[[region]]                   # the house that no tree protects
+name = "Open house"
+object = "open_house"
+class = "dwelling"
+
+[[region]]                   # the trees before the chalet: the hot spot
+name = "Trees before the chalet"
+object = ["tree_01", "tree_02", "tree_03", "tree_04", "tree_05", "tree_06", "tree_07"]
+spacing_m = 1.5
+class = "vegetation"
+
+[[region]]
+name = "Church yard"
+polygon = [[-27.0, -14.0], [-18.0, -14.0], [-18.0, 16.0], [-27.0, 16.0]]
+class = "outdoor"
+
+[[region]]                   # what the church throws onto itself
+name = "Church"
+object = ["church_hall", "parish", "cloister", "tower", "choir"]
+spacing_m = 2.0
+
 [glare]
 thresholds_w_m2 = [10.0, 30.0]
 quantity = "surface"

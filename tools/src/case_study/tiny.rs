@@ -89,6 +89,22 @@ point = [-14.0, 0.0, 3.0]
 direction = [1.0, 0.0, 0.0]
 class = "dwelling"
 
+[[observer]]
+name = "On the wall"
+point = [-14.5, 0.0, 3.0]
+direction = [1.0, 0.0, 0.0]
+class = "dwelling"
+
+[[region]]
+name = "The wall"
+object = "wall"
+class = "dwelling"
+
+[[region]]
+name = "Ground before the wall"
+polygon = [[-14.0, -8.0], [-6.0, -8.0], [-6.0, 8.0], [-14.0, 8.0]]
+class = "outdoor"
+
 [glare]
 thresholds_w_m2 = [10.0, 30.0]
 quantity = "surface"

@@ -10,7 +10,11 @@ use crate::picture::figure::{AxisLabel, Marker, Polyline};
 use crate::render::{Projection, View};
 use crate::run::Error;
 use crate::run::job::Job;
+use crate::run::points::Kind;
 use crate::run::resolve::PlannedView;
+use crate::run::stages::judged::receivers;
+use crate::run::stages::receivers::read_points;
+use crate::run::stages::render::read_hits;
 use crate::site::Site;
 
 const OUTLINE: [u8; 3] = [255, 255, 255];
@@ -30,14 +34,11 @@ pub(super) struct Marks {
 impl Marks {
     pub(super) fn of(job: &Job<'_>, planned: &PlannedView) -> Result<Self, Error> {
         let view = &planned.view;
-        let markers = job
-            .resolved
-            .project
-            .observer
-            .iter()
-            .filter_map(|o| {
-                let (column, row) = view.project(DVec3::from_array(o.point))?;
-                Some(Marker { at: [column, row], label: o.name.clone() })
+        let markers = places(job, view)?
+            .into_iter()
+            .filter_map(|(place, label)| {
+                let (column, row) = view.project(place)?;
+                Some(Marker { at: [column, row], label })
             })
             .filter(|m| inside(view, m.at))
             .collect();
@@ -74,6 +75,22 @@ impl Marks {
         figure.metres_per_pixel = self.metres_per_pixel;
         figure.north_deg = self.north_deg;
     }
+}
+
+/// Where the observers are, and in plans the middle of each region.
+fn places(job: &Job<'_>, view: &View) -> Result<Vec<(DVec3, String)>, Error> {
+    let Some(set) = receivers(job) else { return Ok(Vec::new()) };
+    let hits = read_hits(job, set)?;
+    let mut out = Vec::new();
+    for group in read_points(job, set)?.groups {
+        let plan = view.projection() == Projection::Parallel;
+        if group.kind == Kind::Observer || (group.kind == Kind::Region && plan) {
+            let all = &hits.hits[group.first..group.first + group.points()];
+            let sum = all.iter().fold(DVec3::ZERO, |sum, h| sum + h.position.as_dvec3());
+            out.push((sum / all.len() as f64, group.name));
+        }
+    }
+    Ok(out)
 }
 
 fn inside(view: &View, at: [f64; 2]) -> bool {

@@ -1,0 +1,366 @@
+//! What the rules say of each observer and region, as data and as sentences.
+
+use std::path::PathBuf;
+
+use glintmap_formats::seal;
+use serde::{Deserialize, Serialize};
+
+use super::receivers::read_received;
+use crate::glare::rules::{
+    Class, Judged, Limit, Measured, Metrics, Outcome, Profile, Quantity, Verdict,
+};
+use crate::run::Error;
+use crate::run::clock::Clock;
+use crate::run::job::Job;
+use crate::run::points::Kind;
+use crate::run::received::{AtThreshold, Banded, GroupReceived};
+use crate::run::resolve::{Candidate, PlannedView, RECEIVERS};
+use crate::run::words::{hours, list, minutes};
+
+/// One rule on one observer or region, with one material.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub struct Judgement {
+    /// The material or case.
+    pub material: String,
+    /// Whether that is the one that others are compared with.
+    pub reference: bool,
+    /// The observer or region.
+    pub receiver: String,
+    /// Whom it stands for; none: nobody said, every limit applies.
+    pub class: Option<Class>,
+    /// Id and version of the rule.
+    pub rule: String,
+    /// Its version.
+    pub version: String,
+    /// What it says.
+    pub verdict: Verdict,
+    /// The same in words.
+    pub sentence: String,
+    /// Criteria of the rule that are met, in words; they decide nothing by themselves.
+    pub criteria: Vec<String>,
+}
+
+/// The class that the project file gives a receiver.
+pub(super) fn class(job: &Job<'_>, name: &str) -> Option<Class> {
+    let p = &job.resolved.project;
+    let observer = p.observer.iter().find(|o| o.name == name).map(|o| o.class);
+    let region = p.region.iter().find(|r| r.name == name).map(|r| r.class);
+    observer.or(region).flatten()
+}
+
+/// Judges all observers and regions, and writes `verdicts.json`.
+pub(super) fn judge(job: &Job<'_>) -> Result<(Vec<Judgement>, PathBuf), Error> {
+    let mut out = Vec::new();
+    let pv_m2: f64 = job.site()?.pv.iter().map(|s| s.area_m2).sum();
+    for (number, candidate) in job.resolved.candidates.iter().enumerate() {
+        let Some(set) = job.resolved.sensors.iter().find(|s| s.name == RECEIVERS) else { break };
+        let reference = job.resolved.reference == Some(number);
+        for group in &read_received(job, candidate, set)?.groups {
+            if group.kind == Kind::Sensors {
+                continue;
+            }
+            let metrics = metrics(job, group, pv_m2);
+            for profile in &job.resolved.rules {
+                out.push(one(job, candidate, reference, group, &metrics, profile)?);
+            }
+        }
+    }
+    let name = PathBuf::from("verdicts.json");
+    let path = job.folder.at(&name);
+    let text = serde_json::to_vec_pretty(&out).map_err(std::io::Error::from)?;
+    seal::write_bytes(&path, &text).map_err(|source| Error::Write { path, source })?;
+    Ok((out, name))
+}
+
+/// What was judged, from its file; nothing where there is none.
+pub(in crate::run) fn read(job: &Job<'_>) -> Result<Vec<Judgement>, Error> {
+    let path = job.folder.at(std::path::Path::new("verdicts.json"));
+    if !path.exists() {
+        return Ok(Vec::new());
+    }
+    let text = std::fs::read(&path).map_err(|source| Error::Read { path: path.clone(), source })?;
+    serde_json::from_slice(&text).map_err(|e| Error::Manifest { path, message: e.to_string() })
+}
+
+/// What was assumed, in the words of the rules' conditions.
+pub(super) fn conditions(job: &Job<'_>) -> Vec<String> {
+    let mut out = vec!["all-pv".to_owned()];
+    if job.resolved.weather.is_none() {
+        out.push("clear-sky".into());
+    }
+    out
+}
+
+fn metrics(job: &Job<'_>, group: &GroupReceived, pv_m2: f64) -> Metrics {
+    let mut measured = Vec::new();
+    let mut plain = |quantity, value| {
+        measured.push(Measured {
+            quantity,
+            threshold_w_m2: None,
+            filtered: false,
+            value,
+            band: None,
+        });
+    };
+    // Area and place are known even where the light is not.
+    plain(Quantity::PvAreaM2, pv_m2);
+    if let Some(pv) = &group.pv {
+        plain(Quantity::DistanceM, pv.nearest_m);
+        plain(Quantity::SubtendedDeg, pv.widest_deg);
+    }
+    if group.not_evaluated.is_none() {
+        plain(Quantity::IrradianceWM2, group.peak_w_m2);
+        let half_year = job.resolved.project.time.half_year;
+        for at in &group.thresholds {
+            measured.extend(times(at, Some(at.threshold_w_m2), half_year));
+        }
+        // Rules that name no irradiance: what lies above the lowest threshold counts.
+        if let Some(at) = lowest(group) {
+            measured.extend(times(at, None, half_year));
+        }
+    }
+    Metrics { class: class(job, &group.name), measured, conditions: conditions(job) }
+}
+
+fn lowest(group: &GroupReceived) -> Option<&AtThreshold> {
+    group.thresholds.iter().min_by(|a, b| a.threshold_w_m2.total_cmp(&b.threshold_w_m2))
+}
+
+fn times(at: &AtThreshold, threshold_w_m2: Option<f64>, half_year: bool) -> Vec<Measured> {
+    let banded = |quantity, v: Banded, factor: f64| Measured {
+        quantity,
+        threshold_w_m2,
+        filtered: false,
+        value: v.value * factor,
+        band: Some([v.low * factor, v.high * factor]),
+    };
+    // The filter makes noise smaller: the band of the unfiltered value holds that of the filtered.
+    let filtered = |quantity, value: f64, around: Banded, factor: f64| Measured {
+        quantity,
+        threshold_w_m2,
+        filtered: true,
+        value: value * factor,
+        band: Some([around.low.min(value) * factor, around.high.max(value) * factor]),
+    };
+    let mut out = vec![
+        banded(Quantity::AnnualH, at.hours, 1.0),
+        banded(Quantity::LongestRunMin, at.longest_run_h, 60.0),
+        banded(Quantity::SustainedMin, at.longest_run_h, 60.0),
+        banded(Quantity::DailyTotalMin, at.longest_day_h, 60.0),
+        filtered(Quantity::AnnualH, at.filtered_hours, at.hours, 1.0),
+        filtered(Quantity::SustainedMin, at.filtered_run_h, at.longest_run_h, 60.0),
+        filtered(Quantity::LongestRunMin, at.filtered_run_h, at.longest_run_h, 60.0),
+    ];
+    // The months of the mirrored half aren't known.
+    if !half_year {
+        let months = at.months as f64;
+        out.push(Measured { value: months, band: None, ..banded(Quantity::Months, at.hours, 1.0) });
+    }
+    out
+}
+
+fn one(
+    job: &Job<'_>,
+    candidate: &Candidate,
+    reference: bool,
+    group: &GroupReceived,
+    metrics: &Metrics,
+    profile: &Profile,
+) -> Result<Judgement, Error> {
+    let verdict = profile.judge(metrics);
+    let criteria = profile
+        .limits
+        .iter()
+        .zip(&verdict.limits)
+        .filter(|(limit, judged)| limit.only_informs && judged.outcome == Outcome::Exceeded)
+        .map(|(limit, judged)| criterion(limit, judged.value.unwrap_or(0.0)))
+        .collect();
+    Ok(Judgement {
+        material: candidate.name.clone(),
+        reference,
+        receiver: group.name.clone(),
+        class: metrics.class,
+        rule: profile.id.clone(),
+        version: profile.version.clone(),
+        sentence: sentence(job, group, profile, &verdict),
+        verdict,
+        criteria,
+    })
+}
+
+fn number(value: f64, quantity: Quantity) -> String {
+    match quantity {
+        Quantity::AnnualH => hours(value),
+        _ if quantity.unit() == "min" => minutes(value),
+        Quantity::Months => format!("{value:.0} months"),
+        Quantity::SubtendedDeg => format!("{value:.1}°"),
+        _ => {
+            let digits = if value.abs() < 10.0 { 1 } else { 0 };
+            format!("{value:.digits$} {}", quantity.unit())
+        }
+    }
+}
+
+fn criterion(limit: &Limit, value: f64) -> String {
+    format!(
+        "{} {}, {} {}",
+        limit.quantity.words(),
+        number(value, limit.quantity),
+        limit.operator.words(),
+        number(limit.value, limit.quantity)
+    )
+}
+
+/// `Within paper-2018.` or what of it is exceeded, or why it says nothing.
+fn sentence(job: &Job<'_>, group: &GroupReceived, profile: &Profile, verdict: &Verdict) -> String {
+    let id = &profile.id;
+    if profile.limits.is_empty() {
+        return format!("{id} has no numerical criterion.");
+    }
+    if let Some(reason) = &group.not_evaluated {
+        return format!("{id}: not evaluated, because {reason}.");
+    }
+    let of = |outcome: Outcome| {
+        profile
+            .limits
+            .iter()
+            .zip(&verdict.limits)
+            .filter(move |(l, j)| !l.only_informs && !l.only_excuses && j.outcome == outcome)
+    };
+    let said = |(limit, judged): (&Limit, &Judged)| {
+        let show = |v: f64| number(v, limit.quantity);
+        let mut text = limit.quantity.words().to_owned();
+        if limit.quantity.is_time() {
+            text += &above(group, limit);
+        }
+        if let Some(value) = judged.value {
+            text += &format!(": {}", show(value));
+        }
+        if let Some([low, high]) = judged.band.filter(|[low, high]| low < high) {
+            text += &format!(" ({} to {} within the noise)", show(low), show(high));
+        }
+        text + &format!(", {} {} is too much", limit.operator.words(), show(limit.value))
+    };
+    let mut text = match verdict.outcome {
+        Outcome::Exceeded => {
+            format!("Above {id}: {}.", list(of(Outcome::Exceeded).map(said)))
+        }
+        Outcome::Kept => format!("Within {id}."),
+        Outcome::Excused => format!("Within {id}, because another limit excuses it."),
+        Outcome::NotApplicable => format!("{id} has no limit for this class."),
+        Outcome::NotEvaluated => format!("{id}: not evaluated{}.", why(job, profile, verdict)),
+    };
+    let open: Vec<String> = profile
+        .limits
+        .iter()
+        .zip(&verdict.limits)
+        .filter(|(l, j)| {
+            !l.only_informs
+                && !j.certain
+                && matches!(j.outcome, Outcome::Exceeded | Outcome::Kept | Outcome::Excused)
+        })
+        .map(|(l, j)| match j.outcome {
+            Outcome::Kept => said((l, j)),
+            _ => l.id.clone(),
+        })
+        .collect();
+    if !open.is_empty() {
+        text += &format!(" Undecided, as the noise reaches over the limit: {}.", list(open));
+    }
+    if verdict.outcome == Outcome::Exceeded && of(Outcome::NotEvaluated).count() > 0 {
+        text += &format!(" Not evaluated{}.", why(job, profile, verdict));
+    }
+    if let Some(grade) = &verdict.grade {
+        text += &format!(" Its grade: {grade}.");
+    }
+    text
+}
+
+/// What the irradiance must exceed for time to count.
+fn above(group: &GroupReceived, limit: &Limit) -> String {
+    match (limit.threshold_w_m2, lowest(group)) {
+        (Some(t), _) => format!(" above {t} W/m²"),
+        (None, Some(at)) => {
+            format!(" above {} W/m² (the rule names no irradiance)", at.threshold_w_m2)
+        }
+        _ => String::new(),
+    }
+}
+
+fn why(job: &Job<'_>, profile: &Profile, verdict: &Verdict) -> String {
+    let assumed = conditions(job);
+    let mut reasons: Vec<String> = Vec::new();
+    for (limit, judged) in profile.limits.iter().zip(&verdict.limits) {
+        if judged.outcome != Outcome::NotEvaluated || limit.only_informs {
+            continue;
+        }
+        let missing: Vec<String> =
+            limit.conditions.iter().filter(|c| !assumed.contains(c)).cloned().collect();
+        let reason = match limit.quantity {
+            Quantity::LuminanceCdM2 | Quantity::AfterImageRatio | Quantity::BurnRatio => {
+                format!("{} needs the radiance towards an observer", limit.quantity.words())
+            }
+            _ if !missing.is_empty() => format!("it assumes {}", list(missing)),
+            Quantity::Months => "the months of half a year, doubled, are not known".into(),
+            _ => match limit.threshold_w_m2 {
+                Some(t) => format!("{t} W/m² is not among glare.thresholds_w_m2"),
+                None => format!("{} was not measured", limit.quantity.words()),
+            },
+        };
+        if !reasons.contains(&reason) {
+            reasons.push(reason);
+        }
+    }
+    if reasons.is_empty() { String::new() } else { format!(": {}", reasons.join("; ")) }
+}
+
+/// A receiver with a material in a sentence: how long at worst, when, how much in the year.
+pub(super) fn told(clock: &Clock, group: &GroupReceived) -> Vec<String> {
+    if let Some(reason) = &group.not_evaluated {
+        return vec![format!("Not evaluated: {reason}.")];
+    }
+    let mut out = Vec::new();
+    for at in &group.thresholds {
+        let t = at.threshold_w_m2;
+        if at.anywhere.hours <= 0.0 {
+            let noise = if at.hours.high > 0.0 {
+                format!(" (the noise allows up to {} in the year)", hours(at.hours.high))
+            } else {
+                String::new()
+            };
+            out.push(format!("Never above {t} W/m²{noise}."));
+            continue;
+        }
+        let band = |v: Banded, show: &dyn Fn(f64) -> String| {
+            if v.low < v.high {
+                format!(" ({} to {} within the noise)", show(v.low), show(v.high))
+            } else {
+                String::new()
+            }
+        };
+        let in_minutes = |h: f64| minutes(h * 60.0);
+        let where_ = if group.points > 1 { " at its worst point" } else { "" };
+        let mut text = format!(
+            "Above {t} W/m²{where_} for {}{} on {}, {}{} in the year",
+            in_minutes(at.longest_day_h.value),
+            band(at.longest_day_h, &in_minutes),
+            clock.date(at.longest_day),
+            hours(at.hours.value),
+            band(at.hours, &hours),
+        );
+        if group.points > 1 {
+            text += &format!("; {} in the year anywhere on it", hours(at.anywhere.hours));
+            if group.area_m2 > 0.0 {
+                text += &format!(", {:.0} of {:.0} m²", at.area_m2, group.area_m2);
+            }
+        }
+        text.push('.');
+        out.push(text);
+    }
+    out
+}
+
+/// The set of observers and regions, if there is one.
+pub(in crate::run) fn receivers<'a>(job: &'a Job<'_>) -> Option<&'a PlannedView> {
+    job.resolved.sensors.iter().find(|s| s.name == RECEIVERS)
+}

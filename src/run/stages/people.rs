@@ -1,0 +1,314 @@
+//! The report's part for people: what reaches each observer and region, when, from which PV, and
+//! what the rules say.
+
+use super::judged::{Judgement, class, receivers, told};
+use super::receivers::{occurrence, read_received};
+use crate::glare::rules::Outcome;
+use crate::report::{Figure, Mark, Point, Section, Table};
+use crate::run::Error;
+use crate::run::clock::Clock;
+use crate::run::job::Job;
+use crate::run::points::Kind;
+use crate::run::received::{GroupReceived, Received};
+use crate::run::resolve::{Candidate, PlannedView};
+use crate::run::words::{hours, minutes};
+
+/// Episodes that a receiver's table lists.
+const EPISODES: usize = 5;
+
+/// "In short", then the observers and regions one by one; nothing where there are none.
+pub(super) fn sections(job: &Job<'_>, judgements: &[Judgement]) -> Result<Vec<Section>, Error> {
+    let Some(set) = receivers(job) else { return Ok(vec![nobody()]) };
+    let mut all: Vec<(&Candidate, Received)> = Vec::new();
+    for candidate in &job.resolved.candidates {
+        all.push((candidate, read_received(job, candidate, set)?));
+    }
+    let clock = Clock::new(&job.resolved.project.site, job.timeline()?.year);
+    let count = all.first().map_or(0, |(_, r)| r.groups.len());
+    let mut parts = Vec::new();
+    for number in 0..count {
+        parts.push(receiver(job, set, &all, number, &clock, judgements)?);
+    }
+    let each = Section {
+        heading: "Observers and regions".into(),
+        text: vec![
+            "A region is looked at by points on its surfaces; times are those of the point that is dazzled most, unless it says “anywhere”.".into(),
+        ],
+        tables: vec![totals(&all, &clock)],
+        parts,
+        ..Section::default()
+    };
+    Ok(vec![in_short(job, judgements, &all), each])
+}
+
+fn nobody() -> Section {
+    Section {
+        heading: "Observers and regions".into(),
+        text: vec![
+            "The project names none: add [[observer]] and [[region]] to project.toml (a neighbour's façade, a road, a plot) to read here who is dazzled, when, for how long, and what the rules say.".into(),
+        ],
+        ..Section::default()
+    }
+}
+
+fn mark(j: &Judgement) -> Mark {
+    let open = j.verdict.limits.iter().any(|l| !l.certain && l.outcome != Outcome::NotApplicable);
+    match j.verdict.outcome {
+        Outcome::NotEvaluated => Mark::Open,
+        Outcome::Exceeded if !open => Mark::Exceeded,
+        Outcome::Kept | Outcome::Excused if !open => Mark::Kept,
+        Outcome::NotApplicable => Mark::Plain,
+        _ => Mark::Open,
+    }
+}
+
+/// For each material: whom it dazzles more than the first rule allows, and whom it doesn't.
+fn in_short(job: &Job<'_>, judgements: &[Judgement], all: &[(&Candidate, Received)]) -> Section {
+    let mut points = Vec::new();
+    for (candidate, _) in all {
+        for rule in &job.resolved.rules {
+            let mine: Vec<&Judgement> = judgements
+                .iter()
+                .filter(|j| j.material == candidate.name && j.rule == rule.id)
+                .collect();
+            let names = |outcome: &dyn Fn(Outcome) -> bool| -> Vec<String> {
+                mine.iter()
+                    .filter(|j| outcome(j.verdict.outcome))
+                    .map(|j| match mark(j) {
+                        Mark::Open if j.verdict.outcome != Outcome::NotEvaluated => {
+                            format!("{} (undecided: noise)", j.receiver)
+                        }
+                        _ => j.receiver.clone(),
+                    })
+                    .collect()
+            };
+            let over = names(&|o| o == Outcome::Exceeded);
+            let within = names(&|o| matches!(o, Outcome::Kept | Outcome::Excused));
+            let open = names(&|o| o == Outcome::NotEvaluated);
+            let mut text = String::new();
+            for (words, list) in
+                [("above it: ", &over), ("within it: ", &within), ("not evaluated: ", &open)]
+            {
+                if !list.is_empty() {
+                    if !text.is_empty() {
+                        text += "; ";
+                    }
+                    text += words;
+                    text += &list.join(", ");
+                }
+            }
+            if text.is_empty() {
+                text = "no limit applies".into();
+            }
+            let mark = match (over.is_empty(), within.is_empty(), open.is_empty()) {
+                (false, _, _) => Mark::Exceeded,
+                (_, false, true) => Mark::Kept,
+                _ => Mark::Open,
+            };
+            let today = if mine.iter().any(|j| j.reference) { " (for comparison)" } else { "" };
+            points.push(Point {
+                lead: format!("{}{today}, {}:", candidate.name, rule.id),
+                text: format!("{text}."),
+                mark,
+            });
+        }
+    }
+    let mut text = Vec::new();
+    for rule in &job.resolved.rules {
+        let status = serde_json::to_value(rule.status).ok();
+        let status = status.as_ref().and_then(|s| s.as_str()).unwrap_or("");
+        text.push(format!(
+            "{} (version {}, {status}): {}. {}",
+            rule.id, rule.version, rule.source, rule.note
+        ));
+    }
+    let rules = Section { heading: "The rules".into(), text, ..Section::default() };
+    Section { heading: "In short".into(), points, parts: vec![rules], ..Section::default() }
+}
+
+/// A row for each material and receiver.
+fn totals(all: &[(&Candidate, Received)], clock: &Clock) -> Table {
+    let mut table = Table {
+        head: ["receiver", "material", "energy (Wh/m²)", "peak (W/m²)", "30 min worst day (W/m²)"]
+            .map(str::to_owned)
+            .to_vec(),
+        rows: Vec::new(),
+    };
+    let Some((_, first)) = all.first() else { return table };
+    for at in first.groups.first().iter().flat_map(|g| &g.thresholds) {
+        let t = at.threshold_w_m2;
+        table.head.push(format!("above {t} W/m²: hours a year"));
+        table.head.push("worst day".into());
+        table.head.push("area".into());
+    }
+    for number in 0..first.groups.len() {
+        for (candidate, received) in all {
+            let Some(g) = received.groups.get(number).filter(|g| g.kind != Kind::Sensors) else {
+                continue;
+            };
+            let mut row = vec![g.name.clone(), candidate.name.clone()];
+            if g.not_evaluated.is_some() {
+                row.push("not evaluated".into());
+                row.resize(table.head.len(), "–".into());
+                table.rows.push(row);
+                continue;
+            }
+            row.push(format!("{:.0}", g.annual_max_wh_m2));
+            row.push(format!("{:.1}", g.peak_w_m2));
+            row.push(format!("{:.1}", g.exceeded_30min_w_m2));
+            for at in &g.thresholds {
+                row.push(hours(at.hours.value));
+                row.push(if at.longest_day_h.value > 0.0 {
+                    let long = minutes(at.longest_day_h.value * 60.0);
+                    format!("{long}, {}", clock.date(at.longest_day))
+                } else {
+                    "–".into()
+                });
+                row.push(if g.area_m2 > 0.0 {
+                    format!("{:.0} m²", at.area_m2)
+                } else {
+                    "–".into()
+                });
+            }
+            table.rows.push(row);
+        }
+    }
+    table
+}
+
+fn receiver(
+    job: &Job<'_>,
+    set: &PlannedView,
+    all: &[(&Candidate, Received)],
+    number: usize,
+    clock: &Clock,
+    judgements: &[Judgement],
+) -> Result<Section, Error> {
+    let mut out = Section::default();
+    let Some(first) = all.first().and_then(|(_, r)| r.groups.get(number)) else { return Ok(out) };
+    out.heading = match class(job, &first.name) {
+        Some(class) => {
+            let word = serde_json::to_value(class).ok();
+            format!("{} ({})", first.name, word.as_ref().and_then(|w| w.as_str()).unwrap_or(""))
+        }
+        None => first.name.clone(),
+    };
+    out.text.push(where_it_is(first));
+    if first.not_evaluated.is_some() {
+        out.points.extend(told(clock, first).into_iter().map(|text| Point {
+            text,
+            mark: Mark::Open,
+            ..Point::default()
+        }));
+        return Ok(out);
+    }
+    let mut charts = Vec::new();
+    for (candidate, received) in all {
+        let Some(group) = received.groups.get(number) else { continue };
+        out.points.push(Point {
+            lead: format!("{}:", candidate.name),
+            text: told(clock, group).join(" "),
+            mark: Mark::Plain,
+        });
+        let mine =
+            judgements.iter().filter(|j| j.material == candidate.name && j.receiver == group.name);
+        for j in mine {
+            out.points.push(Point {
+                text: match j.criteria.is_empty() {
+                    true => j.sentence.clone(),
+                    false => {
+                        format!("{} Criteria met: {}.", j.sentence, j.criteria.join("; "))
+                    }
+                },
+                mark: mark(j),
+                ..Point::default()
+            });
+        }
+        // An empty chart says no more than the sentence.
+        let dazzles = group.thresholds.iter().any(|t| t.anywhere.hours > 0.0);
+        let stem = occurrence(number, &group.name);
+        for (end, words) in
+            [(".png", "when it is lit, and how strongly"), ("-pv.png", "which PV it is")]
+        {
+            let png = job.folder.map(&candidate.name, &set.name, &format!("{stem}{end}"));
+            if dazzles && job.folder.at(&png).exists() {
+                charts.push(Figure {
+                    path: png.to_string_lossy().replace('\\', "/"),
+                    caption: format!(
+                        "{}, {}: {words}, by day and clock time",
+                        group.name, candidate.name
+                    ),
+                });
+            }
+        }
+    }
+    out.figures = charts;
+    out.tables.extend(episodes(job, all, number, clock)?);
+    Ok(out)
+}
+
+fn where_it_is(group: &GroupReceived) -> String {
+    let mut parts = Vec::new();
+    match (group.kind, group.points) {
+        (_, 0) => {}
+        (Kind::Observer, _) => parts.push("an observer on a surface".into()),
+        (_, n) if group.area_m2 > 0.0 => {
+            parts.push(format!("{n} points on {:.0} m²", group.area_m2));
+        }
+        (_, n) => parts.push(format!("{n} points")),
+    }
+    match &group.pv {
+        Some(pv) => parts.push(format!(
+            "the nearest PV in sight is {:.0} m away, the PV spans up to {:.1}° ({:.4} sr)",
+            pv.nearest_m, pv.widest_deg, pv.solid_angle_sr
+        )),
+        None => parts.push("no PV is in sight".into()),
+    }
+    parts.extend(group.notes.iter().cloned());
+    let mut text = parts.join("; ");
+    if let Some(first) = text.get(..1) {
+        text = format!("{}{}.", first.to_uppercase(), &text[1..]);
+    }
+    text
+}
+
+/// The longest times at which it is dazzled anywhere, at the lowest threshold that is exceeded.
+fn episodes(
+    job: &Job<'_>,
+    all: &[(&Candidate, Received)],
+    number: usize,
+    clock: &Clock,
+) -> Result<Option<Table>, Error> {
+    let timeline = job.timeline()?;
+    let mut table = Table {
+        head: ["material", "above (W/m²)", "from", "to", "duration", "peak (W/m²)", "mostly from"]
+            .map(str::to_owned)
+            .to_vec(),
+        rows: Vec::new(),
+    };
+    for (candidate, received) in all {
+        let Some(group) = received.groups.get(number) else { continue };
+        let lowest =
+            group.thresholds.iter().min_by(|a, b| a.threshold_w_m2.total_cmp(&b.threshold_w_m2));
+        let Some(at) = lowest else { continue };
+        for e in at.episodes.iter().take(EPISODES) {
+            let show = |t: usize| {
+                timeline.steps.get(t).map_or_else(String::new, |s| clock.show(s.day, s.hour))
+            };
+            let steps = (e.last - e.first + 1) as f64;
+            table.rows.push(vec![
+                candidate.name.clone(),
+                at.threshold_w_m2.to_string(),
+                show(e.first),
+                show(e.last),
+                minutes(steps * timeline.step_h * 60.0),
+                format!("{:.1}", e.peak_w_m2),
+                e.surface.as_ref().map_or_else(
+                    || "–".into(),
+                    |(name, share)| format!("{name} ({:.0} %)", share * 100.0),
+                ),
+            ]);
+        }
+    }
+    Ok((!table.rows.is_empty()).then_some(table))
+}

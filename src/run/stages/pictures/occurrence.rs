@@ -1,0 +1,247 @@
+//! Day by hour: when an observer or a region is dazzled, how strongly, and by which PV. The chart
+//! that ForgeSolar's annual occurrence made a habit.
+
+use std::path::PathBuf;
+
+use crate::base::Timeline;
+use crate::picture::Chart;
+use crate::picture::chart::{Axis, Cell, Swatch};
+use crate::run::Error;
+use crate::run::clock::Clock;
+use crate::run::job::Job;
+use crate::run::points::Kind;
+use crate::run::received::GroupReceived;
+use crate::run::resolve::{Candidate, PlannedView};
+use crate::run::stages::receivers::{occurrence, read_received};
+
+const NIGHT: [u8; 3] = [228, 231, 238];
+const DAYLIGHT: [u8; 3] = [251, 248, 240];
+const BELOW: [u8; 3] = [226, 214, 178];
+/// Above the first threshold, the second, and so on; the last stands for all further ones.
+const ABOVE: [[u8; 3]; 4] = [[242, 166, 38], [203, 45, 38], [122, 8, 60], [45, 4, 40]];
+/// Colours that stay apart for the colour-blind (Okabe and Ito 2008), the darker ones first.
+const SURFACES: [[u8; 3]; 7] = [
+    [0, 114, 178],
+    [213, 94, 0],
+    [0, 158, 115],
+    [204, 121, 167],
+    [230, 159, 0],
+    [86, 180, 233],
+    [240, 228, 66],
+];
+const OTHERS: [u8; 3] = [110, 110, 110];
+const MONTHS: [&str; 12] =
+    ["Jan", "Feb", "Mar", "Apr", "May", "Jun", "Jul", "Aug", "Sep", "Oct", "Nov", "Dec"];
+
+/// A timestep with light.
+struct Lit {
+    timestep: usize,
+    strongest_w_m2: f64,
+    surface: String,
+}
+
+/// Draws the charts of all observers and regions; their names below `run/`.
+pub(super) fn draw(job: &Job<'_>) -> Result<Vec<PathBuf>, Error> {
+    let mut outputs = Vec::new();
+    for candidate in &job.resolved.candidates {
+        for set in &job.resolved.sensors {
+            let received = read_received(job, candidate, set)?;
+            for (number, group) in received.groups.iter().enumerate() {
+                if group.kind != Kind::Sensors && group.not_evaluated.is_none() {
+                    outputs.extend(one(job, candidate, set, number, group)?);
+                }
+            }
+        }
+    }
+    Ok(outputs)
+}
+
+fn one(
+    job: &Job<'_>,
+    candidate: &Candidate,
+    set: &PlannedView,
+    number: usize,
+    group: &GroupReceived,
+) -> Result<Vec<PathBuf>, Error> {
+    let stem = occurrence(number, &group.name);
+    let name = |end: &str| job.folder.map(&candidate.name, &set.name, &format!("{stem}{end}"));
+    let lit = read(job, &name(".csv"))?;
+    let board = Board::new(job)?;
+    let mut thresholds = job.resolved.project.glare.thresholds_w_m2.clone();
+    thresholds.sort_by(f64::total_cmp);
+    let texts = super::texts(job);
+    let mut chart = board.chart(&format!("{}: light from “{}”", group.name, candidate.name));
+    board.by_strength(&mut chart, &lit, &thresholds);
+    let png = name(".png");
+    chart.write_png(&job.folder.at(&png), &texts)?;
+    let mut outputs = vec![png];
+    let lowest = thresholds.first().copied().unwrap_or(0.0);
+    let dazzling: Vec<&Lit> = lit.iter().filter(|l| l.strongest_w_m2 > lowest).collect();
+    let several = dazzling.iter().any(|l| l.surface != dazzling[0].surface);
+    if several {
+        let title = format!("{}: which PV of “{}” dazzles", group.name, candidate.name);
+        let mut chart = board.chart(&title);
+        board.by_surface(&mut chart, &dazzling, lowest);
+        let png = name("-pv.png");
+        chart.write_png(&job.folder.at(&png), &texts)?;
+        outputs.push(png);
+    }
+    Ok(outputs)
+}
+
+fn read(job: &Job<'_>, name: &std::path::Path) -> Result<Vec<Lit>, Error> {
+    let path = job.folder.at(name);
+    let text = std::fs::read_to_string(&path)
+        .map_err(|source| Error::Read { path: path.clone(), source })?;
+    let parse = |line: &str| -> Option<Lit> {
+        let mut words = line.split(',');
+        Some(Lit {
+            timestep: words.next()?.parse().ok()?,
+            strongest_w_m2: words.nth(5)?.parse().ok()?,
+            surface: words.next()?.to_owned(),
+        })
+    };
+    let lines = text.lines().enumerate().skip(1);
+    lines
+        .map(|(i, line)| {
+            parse(line).ok_or_else(|| Error::Manifest {
+                path: path.clone(),
+                message: format!("line {} is no timestep with light", i + 1),
+            })
+        })
+        .collect()
+}
+
+/// The axes and the daylight, the same for all charts of a run.
+struct Board<'a> {
+    job: &'a Job<'a>,
+    timeline: &'a Timeline,
+    clock: Clock,
+    /// Days that a timestep stands for.
+    days: f64,
+}
+
+impl<'a> Board<'a> {
+    fn new(job: &'a Job<'a>) -> Result<Self, Error> {
+        let timeline = job.timeline()?;
+        let mut days: Vec<u32> = timeline.steps.iter().map(|s| s.day).collect();
+        days.dedup();
+        let gap = days.windows(2).map(|d| d[1] - d[0]).min().unwrap_or(1);
+        let clock = Clock::new(&job.resolved.project.site, timeline.year);
+        Ok(Self { job, timeline, clock, days: f64::from(gap) })
+    }
+
+    fn cell(&self, timestep: usize, color: [u8; 3]) -> Option<Cell> {
+        let step = self.timeline.steps.get(timestep)?;
+        let day = f64::from(step.day);
+        let hour = self.clock.civil_hour(step.day, step.hour);
+        let half = self.timeline.step_h / 2.0;
+        Some(Cell { x: [day, day + self.days], y: [hour - half, hour + half], color })
+    }
+
+    fn chart(&self, title: &str) -> Chart {
+        let p = &self.job.resolved.project;
+        let steps = &self.timeline.steps;
+        let cells: Vec<Cell> = (0..steps.len()).filter_map(|t| self.cell(t, DAYLIGHT)).collect();
+        let low = cells.iter().map(|c| c.y[0]).fold(24.0, f64::min);
+        let high = cells.iter().map(|c| c.y[1]).fold(0.0, f64::max);
+        // Whole pairs of hours, so that the marks lie on round ones.
+        let from = (libm::floor(low / 2.0) * 2.0).clamp(0.0, 22.0);
+        let to = (libm::ceil(high / 2.0) * 2.0).clamp(from + 2.0, 26.0);
+        let marks = || (0..14).map(|i| f64::from(i) * 2.0).filter(|h| (from..=to).contains(h));
+        let leap = self.clock.date(59) == "29 February";
+        let lengths = [31, 28 + i32::from(leap), 31, 30, 31, 30, 31, 31, 30, 31, 30, 31];
+        let (mut lines, mut words, mut start) = (Vec::new(), Vec::new(), 0);
+        for (name, length) in MONTHS.into_iter().zip(lengths) {
+            lines.push(f64::from(start));
+            words.push((f64::from(start) + f64::from(length) / 2.0, name.to_owned()));
+            start += length;
+        }
+        let mut caption = Vec::new();
+        if p.time.half_year {
+            caption.push("Only the half year that was computed is shown; it stands for the other half, whose dates and times differ somewhat.".to_owned());
+        }
+        if self.days > 1.0 {
+            caption.push(format!(
+                "Every {}th day was computed; it stands for those after it.",
+                self.days
+            ));
+        }
+        Chart {
+            title: title.to_owned(),
+            subtitle: format!("{} · {}", p.site.name, p.time.year),
+            x: Axis { from: 0.0, to: f64::from(start), lines, words, label: String::new() },
+            y: Axis {
+                from,
+                to,
+                lines: marks().collect(),
+                words: marks().map(|h| (h, format!("{:02}:00", h as u32 % 24))).collect(),
+                label: format!("clock time ({})", self.clock.zone()),
+            },
+            ground: NIGHT,
+            cells,
+            key: Vec::new(),
+            lines: Vec::new(),
+            caption,
+            watermark: self.job.resolved.is_draft().then(|| "draft, not for assessment".to_owned()),
+        }
+    }
+
+    fn by_strength(&self, chart: &mut Chart, lit: &[Lit], thresholds: &[f64]) {
+        let level = |value: f64| thresholds.iter().filter(|t| value > **t).count();
+        let color = |level: usize| match level {
+            0 => BELOW,
+            n => ABOVE[(n - 1).min(ABOVE.len() - 1)],
+        };
+        // The strongest last: it must not be covered.
+        let mut order: Vec<&Lit> = lit.iter().collect();
+        order.sort_by_key(|l| (level(l.strongest_w_m2), l.timestep));
+        chart.cells.extend(
+            order.iter().filter_map(|l| self.cell(l.timestep, color(level(l.strongest_w_m2)))),
+        );
+        let swatch = |color, label: String| Swatch { color, label };
+        chart.key.push(swatch(NIGHT, "night, or not computed".into()));
+        chart.key.push(swatch(DAYLIGHT, "sun above the horizon".into()));
+        match thresholds.first() {
+            Some(t) => chart.key.push(swatch(BELOW, format!("lit, at most {t} W/m²"))),
+            None => chart.key.push(swatch(BELOW, "lit".into())),
+        }
+        for (i, t) in thresholds.iter().enumerate() {
+            let label = match thresholds.get(i + 1) {
+                Some(next) => format!("above {t} to {next} W/m²"),
+                None => format!("above {t} W/m²"),
+            };
+            chart.key.push(swatch(color(i + 1), label));
+        }
+        let what = super::super::render::quantity_words(self.job.resolved.quantity);
+        chart.caption.insert(
+            0,
+            format!("The strongest irradiance {what} at any of its points, from the PV alone, unfiltered."),
+        );
+    }
+
+    fn by_surface(&self, chart: &mut Chart, lit: &[&Lit], threshold: f64) {
+        let mut counts: std::collections::BTreeMap<&str, usize> = std::collections::BTreeMap::new();
+        for l in lit {
+            *counts.entry(&l.surface).or_default() += 1;
+        }
+        let mut names: Vec<&str> = counts.keys().copied().filter(|n| !n.is_empty()).collect();
+        names.sort_by_key(|n| (std::cmp::Reverse(counts[n]), *n));
+        names.truncate(SURFACES.len());
+        let color =
+            |name: &str| names.iter().position(|n| *n == name).map_or(OTHERS, |i| SURFACES[i]);
+        chart.cells.extend(lit.iter().filter_map(|l| self.cell(l.timestep, color(&l.surface))));
+        for name in &names {
+            chart.key.push(Swatch { color: color(name), label: (*name).to_owned() });
+        }
+        if lit.iter().any(|l| !names.contains(&l.surface.as_str())) {
+            chart.key.push(Swatch { color: OTHERS, label: "others".into() });
+        }
+        chart.caption.insert(
+            0,
+            format!(
+                "The PV surface that sends most of the light, where it exceeds {threshold} W/m²."
+            ),
+        );
+    }
+}

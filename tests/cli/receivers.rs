@@ -1,0 +1,247 @@
+//! Sensors, observers and regions, and what is said of them.
+
+use std::fs;
+use std::path::Path;
+
+use glintmap::glare::{margins, spot};
+use glintmap::render::HitMap;
+use glintmap::volume::Volume;
+use glintmap_formats::npy;
+use serde_json::Value;
+
+use crate::support::program::{project, say, succeed};
+
+fn text(path: &Path) -> &str {
+    path.to_str().expect("a plain path")
+}
+
+fn json(path: &Path) -> Value {
+    serde_json::from_slice(&fs::read(path).expect("reads")).expect("JSON")
+}
+
+/// One run of the tiny project tells of an eye in free air, a point on the wall, a façade and the
+/// ground.
+#[test]
+fn receivers_are_told_of_and_never_silently_dark() {
+    let (_keep, folder) = project("tiny");
+    let said = succeed(&["run", text(&folder), "--quiet"]);
+    assert!(said.out.contains("The wall, standard: "), "{}", said.out);
+    let run = folder.join("run");
+    let received = json(&run.join("standard/receivers/receivers.json"));
+    let groups = received["groups"].as_array().expect("groups");
+    let air = &groups[0];
+    assert_eq!(air["name"], "Wall");
+    assert!(air["not_evaluated"].as_str().expect("a reason").contains("free air"), "{air}");
+    let verdicts = json(&run.join("verdicts.json"));
+    let of = |receiver: &str| -> Vec<Value> {
+        let all = verdicts.as_array().expect("a list");
+        all.iter().filter(|v| v["receiver"] == receiver).cloned().collect()
+    };
+    for v in of("Wall") {
+        assert_eq!(v["verdict"]["outcome"], "not-evaluated", "{v}");
+        // Distance and angle are known all the same.
+        assert!(v["criteria"].to_string().contains("distance to the PV"), "{v}");
+    }
+    let report = fs::read_to_string(run.join("report.html")).expect("reads");
+    for words in ["In short", "The wall (dwelling)", "free air", "on the worst day", "CEST"] {
+        assert!(report.contains(words), "{words}");
+    }
+
+    // The wall: a façade of 20 x 6.5 m, its back, top, bottom and ends.
+    let wall = &groups[2];
+    assert!((wall["area_m2"].as_f64().expect("m2") - 286.5).abs() < 1e-6, "{wall}");
+    let ten = &wall["thresholds"][0];
+    let hours = |v: &Value| v.as_f64().expect("h");
+    assert!(hours(&ten["hours"]["value"]) > 0.0);
+    assert!(hours(&ten["hours"]["low"]) <= hours(&ten["hours"]["value"]));
+    assert!(hours(&ten["hours"]["value"]) <= hours(&ten["anywhere"]["hours"]));
+    assert!(run.join("standard/receivers/occurrence/03-the-wall.png").exists());
+
+    // A row for each point; what isn't known is left out, not 0.
+    let sheet = fs::read_to_string(run.join("standard/receivers/sensors.csv")).expect("reads");
+    let mut rows = sheet.lines();
+    let columns = rows.next().expect("a head").split(',').count();
+    assert!(rows.all(|r| r.split(',').count() == columns), "{sheet}");
+    let first = sheet.lines().nth(1).expect("a row");
+    assert!(first.starts_with("Wall,0,") && first.contains(",air,") && first.ends_with(",,"));
+    assert_eq!(sheet.lines().count() as u64, 1 + points(groups));
+
+    events_say_when_where_and_who(&run);
+    maps_of_the_year_are_those_of_each_pixel(&run);
+}
+
+fn points(groups: &[Value]) -> u64 {
+    // The two observers, and all points of the regions: none of them lies in the air.
+    2 + groups[2..].iter().map(|g| g["points"].as_u64().expect("points")).sum::<u64>()
+}
+
+fn events_say_when_where_and_who(run: &Path) {
+    let glare = run.join("standard/plan/glare-10");
+    let csv = fs::read_to_string(glare.join("events.csv")).expect("reads");
+    let head = csv.lines().next().expect("a head");
+    assert!(head.starts_with("first,last,voxels,pixels,peak_w_m2,"), "{head}");
+    let columns: Vec<&str> = head.split(',').collect();
+    let at = |name: &str| columns.iter().position(|c| *c == name).expect(name);
+    let points = json(&glare.join("events.geojson"));
+    let features = points["features"].as_array().expect("features");
+    assert_eq!(features.len(), csv.lines().count() - 1);
+    assert!(!features.is_empty());
+    for (line, feature) in csv.lines().skip(1).zip(features) {
+        let words: Vec<&str> = line.split(',').collect();
+        assert_eq!(words.len(), columns.len(), "{line}");
+        assert!(words[at("first_at")].starts_with("06-") && words[at("last_at")].ends_with("CEST"));
+        assert_eq!(words[at("pv_surface")], "roof", "{line}");
+        assert_eq!(feature["properties"]["object"], words[at("object")]);
+        let x: f64 = words[at("x_m")].parse().expect("a number");
+        assert_eq!(feature["geometry"]["coordinates"][0].as_f64(), Some(x));
+        assert!((-15.1..=20.0).contains(&x), "{line}");
+    }
+}
+
+/// The maps that stream through the volume tile by tile against a look at each pixel's series.
+fn maps_of_the_year_are_those_of_each_pixel(run: &Path) {
+    let volume = Volume::open(&run.join("standard/plan/series.zarr")).expect("opens");
+    let axis = volume.axis().expect("a calendar").clone();
+    let [_, rows, columns] = volume.shape();
+    let map = |name: &str| {
+        let path = run.join("standard/plan/glare-10/unfiltered").join(format!("{name}.npy"));
+        npy::Reader::<f32>::open(&path).expect("opens").read_all().expect("reads")
+    };
+    let names = [
+        "above_h",
+        "days",
+        "longest_run_h",
+        "longest_day_h",
+        "first_hour",
+        "last_hour",
+        "exceeded_30min_w_m2",
+        "exceeded_50h_w_m2",
+        "month_06_h",
+    ];
+    let maps = names.map(map);
+    let mut dazzled = 0;
+    for row in 0..rows {
+        for column in 0..columns {
+            let series = volume.pixel(column, row).expect("reads");
+            let s = spot(&axis, |t| series[t] > 10.0);
+            let [worst, year] = margins(&axis, &series).expect("fits");
+            let [first, last] = s.between_h.unwrap_or_default();
+            let expected = [
+                s.hours as f32,
+                s.days as f32,
+                s.longest_run_h as f32,
+                s.longest_day_h as f32,
+                first as f32,
+                last as f32,
+                worst,
+                year,
+                s.months_h[5] as f32,
+            ];
+            for ((name, map), expected) in names.iter().zip(&maps).zip(expected) {
+                assert_eq!(map[row * columns + column], expected, "{name} at {column}, {row}");
+            }
+            dazzled += usize::from(s.hours > 0.0);
+        }
+    }
+    assert!(dazzled > 20, "{dazzled}");
+}
+
+/// A sensor where a pixel looks receives what the pixel receives.
+#[test]
+fn sensors_receive_what_pixels_there_receive() {
+    let (_keep, folder) = project("tiny");
+    let path = text(&folder);
+    succeed(&["run", path, "--quiet", "--until", "render"]);
+    let run = folder.join("run");
+    let (hits, _) = HitMap::read(&run.join("plan/hits.gmh")).expect("reads");
+    let pixels: Vec<usize> =
+        (0..hits.hits.len()).filter(|i| hits.hits[*i].kind.receives()).collect();
+    let chosen: Vec<usize> = pixels.iter().copied().step_by(pixels.len() / 70).collect();
+    let mut lines = String::from("# from the plan\n\n");
+    for i in &chosen {
+        let h = &hits.hits[*i];
+        let [p, n] = [h.position, h.normal];
+        lines += &format!("{} {} {} {} {} {} # pixel {i}\n", p.x, p.y, p.z, n.x, n.y, n.z);
+    }
+    fs::write(folder.join("points.txt"), lines).expect("writes");
+    let file = folder.join("project.toml");
+    let before = fs::read_to_string(&file).expect("reads");
+    let view = "[[view]]\nname = \"spots\"\nsensors = \"points.txt\"\nbandwidth = 50\nseries_bandwidth = 200\n";
+    fs::write(&file, format!("{before}\n{view}")).expect("writes");
+    succeed(&["run", path, "--quiet"]);
+    let volume = |view: &str| {
+        Volume::open(&run.join("standard").join(view).join("series.zarr")).expect("opens")
+    };
+    let (plan, spots) = (volume("plan"), volume("spots"));
+    assert_eq!(spots.shape()[1..], [1, chosen.len()]);
+    let mut lit = 0;
+    for (sensor, i) in chosen.iter().enumerate() {
+        let here = plan.pixel(i % hits.columns, i / hits.columns).expect("reads");
+        let there = spots.pixel(sensor, 0).expect("reads");
+        let (a, b): (f32, f32) = (here.iter().sum(), there.iter().sum());
+        // The place is found anew, a rounding of float32 away.
+        assert!((a - b).abs() <= 0.01 * a, "pixel {i}: {a} {b}");
+        lit += usize::from(a > 0.0);
+    }
+    assert!(lit > 20, "{lit}");
+    let sheet = fs::read_to_string(run.join("standard/spots/sensors.csv")).expect("reads");
+    assert_eq!(sheet.lines().count(), chosen.len() + 1);
+    let found = succeed(&["probe", path, "--view", "spots", "--pixel", "3,0"]);
+    assert!(found.out.contains("standard"), "{}", found.out);
+    fs::write(folder.join("points.txt"), "1 2 3 0 0 1\n1 2 3\n").expect("writes");
+    let wrong = say(&["run", path, "--quiet"]);
+    assert_eq!(wrong.code, 2);
+    assert!(wrong.err.contains("points.txt") && wrong.err.contains("line 2"), "{}", wrong.err);
+}
+
+#[test]
+fn a_rule_of_ones_own_decides_the_exit_code() {
+    let (_keep, folder) = project("tiny");
+    let path = text(&folder);
+    let rule = |limit: f64| {
+        let text = format!(
+            "id = \"mine\"\nversion = \"1\"\nstatus = \"orientation\"\nsource = \"the neighbour\"\n\n\
+             [[limit]]\nid = \"year\"\nquantity = \"annual_h\"\nvalue = {limit}\nthreshold_w_m2 = 10.0\n\
+             classes = [\"dwelling\"]\n"
+        );
+        fs::write(folder.join("mine.toml"), text).expect("writes");
+    };
+    let set = ["run", path, "--quiet", "--set", "glare.rules=[\"mine.toml\", \"sandia-hazard\"]"];
+    let fail_on = |rule: &'static str| [&set[..], &["--fail-on", rule]].concat();
+    rule(1.0);
+    let said = say(&fail_on("mine"));
+    assert_eq!(said.code, 4, "{}", said.err);
+    assert!(said.err.contains("The wall, standard: Above mine"), "{}", said.err);
+    // Today's tile roof is no reason to fail, nor is a rule that can't be evaluated.
+    assert!(!said.err.contains("tile"), "{}", said.err);
+    assert_eq!(say(&fail_on("sandia-hazard")).code, 0);
+    rule(1000.0);
+    let said = succeed(&fail_on("mine"));
+    assert!(said.out.contains("The wall, standard: Within mine."), "{}", said.out);
+    let unknown = say(&fail_on("theirs"));
+    assert_eq!(unknown.code, 2);
+    assert!(unknown.err.contains("mine, sandia-hazard"), "{}", unknown.err);
+    fs::write(folder.join("mine.toml"), "id = \"mine\"\nversion = 1\n").expect("writes");
+    let wrong = say(&set);
+    assert_eq!(wrong.code, 2);
+    assert!(wrong.err.contains("mine.toml") && wrong.err.contains("line 2"), "{}", wrong.err);
+}
+
+#[test]
+fn mistakes_in_regions_are_named_before_anything_is_made() {
+    let (_keep, folder) = project("tiny");
+    let path = text(&folder);
+    for (key, value, words) in [
+        ("region.The wall.object", "\"wal\"", "the nearest are wall"),
+        ("region.The wall.spacing_m", "0.0", "spacing_m"),
+        ("region.The wall.polygon", "[[0, 0], [1, 1], [0, 1]]", "either `object` or `polygon`"),
+        ("region.Ground before the wall.view", "\"pan\"", "there are: plan"),
+        ("region.Ground before the wall.coordinates", "\"maps\"", "\"map\" or \"local\""),
+        ("observer.Wall.class", "\"dweling\"", "dwelling"),
+    ] {
+        let said = say(&["run", path, "--quiet", "--set", &format!("{key}={value}")]);
+        assert_eq!(said.code, 2, "{key}: {}", said.err);
+        assert!(said.err.contains(words), "{key}: {}", said.err);
+    }
+    assert!(!folder.join("run/standard").exists());
+}

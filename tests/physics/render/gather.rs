@@ -167,7 +167,6 @@ fn maps_and_series_are_sums_over_the_store() {
 
     let summary = summary.summary;
     let entries: usize = tiles.values().map(Vec::len).sum();
-    let summary = summary.summary;
     assert_eq!(summary.lit_timesteps, entries as u64);
     let per = summary.photons_per_lit_timestep().expect("lit");
     assert!((per - 149.0 * rows.len() as f64 / entries as f64).abs() < 1e-9);

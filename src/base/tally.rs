@@ -4,7 +4,7 @@ pub enum Fate {
     /// The sun doesn't reach its point on the PV, or its part of the sun's disc lies below the
     /// horizon or behind the PV's plane.
     Blocked,
-    /// The PV took it.
+    /// The PV took it, or it fell between what sampling allowed for and what the PV scatters.
     Absorbed,
     /// It landed on PV.
     OnPv,
@@ -14,7 +14,7 @@ pub enum Fate {
     Escaped,
     /// It would have landed beyond the path limit.
     TooFar,
-    /// Its direction provably reaches nothing within the path limit, so it wasn't traced.
+    /// It provably reaches nothing within the path limit, so it wasn't traced.
     NotSampled,
 }
 
@@ -34,7 +34,7 @@ pub struct Tally {
     pub sent: Account,
     /// See [`Fate::Blocked`].
     pub blocked: Account,
-    /// See [`Fate::Absorbed`]. Flux also counts the part that the PV takes from reflected photons.
+    /// See [`Fate::Absorbed`]. The flux is what the PV doesn't scatter, by its BSDF's integral.
     pub absorbed: Account,
     /// See [`Fate::OnPv`].
     pub on_pv: Account,
@@ -44,7 +44,9 @@ pub struct Tally {
     pub escaped: Account,
     /// See [`Fate::TooFar`].
     pub too_far: Account,
-    /// See [`Fate::NotSampled`].
+    /// See [`Fate::NotSampled`]. The flux is the rest of what the PV scatters, by its BSDF's
+    /// integral: it also holds that integral's error and the noise of all others, so that it may
+    /// lie a little below 0 where every direction lands.
     pub not_sampled: Account,
     /// Sum of the squares of the stored photons' flux, W2.
     pub stored_flux2_w2: f64,
@@ -54,10 +56,10 @@ pub struct Tally {
 }
 
 impl Tally {
-    /// Books one photon: `sent_w` fell onto the PV, `left_w` of it left the PV (0 if none did).
-    pub fn book(&mut self, fate: Fate, sent_w: f64, left_w: f64) {
+    /// Books one photon that carried `left_w` away from the PV (0 if it never left). What fell
+    /// onto the PV follows with [`Self::close`].
+    pub fn book(&mut self, fate: Fate, left_w: f64) {
         self.sent.photons += 1;
-        self.sent.flux_w += sent_w;
         let account = match fate {
             Fate::Blocked => &mut self.blocked,
             Fate::Absorbed => &mut self.absorbed,
@@ -68,16 +70,19 @@ impl Tally {
             Fate::NotSampled => &mut self.not_sampled,
         };
         account.photons += 1;
-        match fate {
-            Fate::Blocked | Fate::Absorbed => account.flux_w += sent_w,
-            _ => {
-                account.flux_w += left_w;
-                self.absorbed.flux_w += sent_w - left_w;
-            }
-        }
+        account.flux_w += left_w;
         if fate == Fate::Stored {
             self.stored_flux2_w2 += left_w * left_w;
         }
+    }
+
+    /// Completes the tally of photons that stand for `falls_w` on the PV, `scatters_w` of which it
+    /// scatters: the rest is absorbed, and what no photon carried away was not sampled.
+    pub fn close(&mut self, falls_w: f64, scatters_w: f64) {
+        let carried_w: f64 = self.parts().iter().map(|a| a.flux_w).sum();
+        self.sent.flux_w += falls_w;
+        self.absorbed.flux_w += falls_w - scatters_w;
+        self.not_sampled.flux_w += scatters_w - carried_w;
     }
 
     /// Adds another tally; the caller keeps a fixed order, because sums of floats depend on it.

@@ -20,6 +20,7 @@ mod report;
 mod run;
 mod size;
 mod suns;
+mod trace;
 mod verify;
 mod volume;
 
@@ -70,6 +71,7 @@ enum Command {
     Probe(probe::Arguments),
     Mirror(mirror::Arguments),
     Suns(suns::Arguments),
+    Trace(trace::Arguments),
     #[command(subcommand)]
     Glare(glare::Command),
     #[command(subcommand)]
@@ -104,6 +106,7 @@ pub fn run(cli: Cli) -> anyhow::Result<()> {
         Command::Probe(arguments) => probe::run(&arguments, &context),
         Command::Mirror(arguments) => mirror::run(&arguments, &context),
         Command::Suns(arguments) => suns::run(&arguments, &context),
+        Command::Trace(arguments) => trace::run(&arguments, &context),
         Command::Glare(command) => glare::run(&command, &context),
         Command::Volume(command) => volume::run(&command, &context),
         Command::Picture(command) => picture::run(&command, &context),

@@ -144,7 +144,7 @@ impl Tracker {
             match serial {
                 Some(serial) => paged.end(*serial, *growing),
                 None => {
-                    self.events.push(growing.finished(self.rows as u64, self.columns as u64))?
+                    self.events.push(growing.finished(self.rows as u64, self.columns as u64))?;
                 }
             }
             self.seen[root as usize] = self.clock;

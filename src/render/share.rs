@@ -2,12 +2,11 @@
 //!
 //! A tile's pixels, in the Morton order of what they show, are cut into groups that lie so close
 //! together that loading all their photons at once costs less than searching for each. How far
-//! the group has to reach is guessed from the pixel in its middle; a pixel whose k photons lie
-//! farther is done again alone. Neither groups nor guesses show in the result of an open surface;
+//! the group has to reach is guessed from the pixel in its middle; pixels whose k photons lie
+//! farther are done again with a longer reach. Neither groups nor guesses show in the result of an open surface;
 //! along its edges they decide where the raster of [`super::surfaces`] lies.
 
 use std::f64::consts::PI;
-use std::ops::Range;
 
 use glam::Vec3;
 
@@ -20,6 +19,8 @@ use crate::pages::{Neighbours, Query, Store};
 
 /// How much farther than its middle pixel a group looks.
 const AHEAD: f32 = 1.5;
+/// How much farther pixels look that didn't find enough.
+const FARTHER: f32 = 1.7;
 /// A group is worth its photons where there are at most this many for each that its pixels ask
 /// for.
 const WORTH: f32 = 0.5;
@@ -73,7 +74,7 @@ impl Disc {
 /// What was done for a tile, so that it can be done again for other timesteps.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Recorded {
-    groups: Vec<(Range<u32>, f32)>,
+    groups: Vec<(Vec<u32>, f32)>,
     /// For each spot its disc and the group that found it.
     discs: Vec<Option<(Disc, u32)>>,
 }
@@ -126,60 +127,54 @@ impl<'a> Shared<'a> {
         recorded: Option<&mut Recorded>,
         mut each: impl FnMut(&Spot, &Disc, &Candidates),
     ) -> Result<(), Error> {
-        let mut jobs: Vec<(Range<usize>, Option<f32>)> = vec![(0..spots.len(), None)];
+        let mut jobs = vec![((0..spots.len() as u32).collect::<Vec<u32>>(), None)];
         let mut record = Recorded { groups: Vec::new(), discs: vec![None; spots.len()] };
-        let mut failed = Vec::new();
-        while let Some((range, reach_m)) = jobs.pop() {
-            if range.is_empty() {
+        while let Some((numbers, reach_m)) = jobs.pop() {
+            if numbers.is_empty() {
                 continue;
             }
-            let middle = (range.start + range.end) / 2;
-            let halves = |jobs: &mut Vec<(Range<usize>, Option<f32>)>| {
-                jobs.push((middle..range.end, None));
-                jobs.push((range.start..middle, None));
+            let middle = numbers.len() / 2;
+            let halves = |jobs: &mut Vec<(Vec<u32>, Option<f32>)>, reach_m| {
+                jobs.push((numbers[middle..].to_vec(), reach_m));
+                jobs.push((numbers[..middle].to_vec(), reach_m));
             };
+            let group: Vec<Spot> = numbers.iter().map(|&n| spots[n as usize]).collect();
             let reach_m = match reach_m {
                 Some(reach_m) => reach_m,
                 None => {
-                    let (radius_m, density) = self.pilot(&spots[middle], scratch)?;
+                    let (radius_m, density) = self.pilot(&group[middle], scratch)?;
                     let reach_m = (radius_m * AHEAD).min(self.max_radius_m);
-                    if range.len() > 1 {
-                        let places = spots[range.clone()].iter().map(|s| s.position);
-                        let extent = Aabb::around(places).size().max_element();
-                        let edge = extent + 2.0 * reach_m;
-                        let photons = edge * edge * density;
-                        let worth = WORTH * self.gather.bandwidth as f32 * range.len() as f32;
-                        if photons > worth.min(self.most_loaded() as f32)
-                            || extent > MOST_REACHES * reach_m
-                        {
-                            halves(&mut jobs);
-                            continue;
-                        }
+                    let extent =
+                        Aabb::around(group.iter().map(|s| s.position)).size().max_element();
+                    let edge = extent + 2.0 * reach_m;
+                    let photons = edge * edge * density;
+                    let worth = WORTH * self.gather.bandwidth as f32 * group.len() as f32;
+                    let costly = photons > worth.min(self.most_loaded() as f32);
+                    if group.len() > 1 && (costly || extent > MOST_REACHES * reach_m) {
+                        halves(&mut jobs, None);
+                        continue;
                     }
                     reach_m
                 }
             };
-            let group = &spots[range.clone()];
-            let Some(region) = self.load(group, reach_m, scratch, value)? else {
-                halves(&mut jobs);
+            let Some(region) = self.load(&group, reach_m, scratch, value)? else {
+                halves(&mut jobs, Some(reach_m));
                 continue;
             };
             let number = record.groups.len() as u32;
-            record.groups.push((range.start as u32..range.end as u32, reach_m));
-            failed.clear();
+            let mut failed = Vec::new();
             let mut answer = |at: usize, disc: Option<Disc>, candidates: &Candidates| match disc {
                 Some(disc) => {
-                    record.discs[range.start + at] = Some((disc, number));
+                    record.discs[numbers[at] as usize] = Some((disc, number));
                     each(&group[at], &disc, candidates);
                 }
-                None => failed.push(range.start + at),
+                None => failed.push(numbers[at]),
             };
-            self.group(group, (region, reach_m), scratch, |_| None, &mut answer);
-            for &at in failed.iter().rev() {
-                // Alone, a pixel first looks as far as it must, then farther.
-                let farther = (range.len() == 1).then(|| (reach_m * 1.6).min(self.max_radius_m));
-                jobs.push((at..at + 1, farther));
-            }
+            self.group(&group, (region, reach_m), scratch, |_| None, &mut answer);
+            record.groups.push((numbers, reach_m));
+            // What didn't find enough looks farther, still together, in the order of the tile.
+            failed.sort_unstable();
+            jobs.push((failed, Some((reach_m * FARTHER).min(self.max_radius_m))));
         }
         if let Some(out) = recorded {
             *out = record;
@@ -196,12 +191,11 @@ impl<'a> Shared<'a> {
         recorded: &Recorded,
         mut each: impl FnMut(&Spot, &Disc, &Candidates),
     ) -> Result<(), Error> {
-        for (number, (range, reach_m)) in recorded.groups.iter().enumerate() {
-            let range = range.start as usize..range.end as usize;
-            let group = &spots[range.clone()];
+        for (number, (numbers, reach_m)) in recorded.groups.iter().enumerate() {
+            let group: Vec<Spot> = numbers.iter().map(|&n| spots[n as usize]).collect();
             // No more photons than last time: they fit.
-            let Some(region) = self.load(group, *reach_m, scratch, value)? else { continue };
-            let known = |at: usize| match recorded.discs[range.start + at] {
+            let Some(region) = self.load(&group, *reach_m, scratch, value)? else { continue };
+            let known = |at: usize| match recorded.discs[numbers[at] as usize] {
                 Some((disc, by)) if by as usize == number => Some(Some(disc)),
                 _ => Some(None),
             };
@@ -210,7 +204,7 @@ impl<'a> Shared<'a> {
                     each(&group[at], &disc, candidates);
                 }
             };
-            self.group(group, (region, *reach_m), scratch, known, &mut answer);
+            self.group(&group, (region, *reach_m), scratch, known, &mut answer);
         }
         Ok(())
     }

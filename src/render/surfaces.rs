@@ -228,7 +228,7 @@ impl Mask {
             }
             let start = (from - SEAM).ceil().max(0.0);
             let end = (to + SEAM).floor().min(self.columns as f32);
-            if !(start <= end) {
+            if start > end {
                 continue;
             }
             let line = row * (self.columns + 1);

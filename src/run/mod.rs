@@ -17,6 +17,7 @@ pub mod probe;
 mod project;
 mod reader;
 mod received;
+pub mod replay;
 mod resolve;
 mod runner;
 mod set;

@@ -28,7 +28,7 @@ pub(super) fn add(
         let surface = Surface { shape, object, material, modifier: None, source, line: 0 };
         draft.add_surface(surface).map_err(full)?;
     }
-    Ok(Source { objects: 1, ..Source::named(format!("[[pv]] {name}"), "PV array") })
+    Ok(Source { objects: 1, ..Source::named(&format!("[[pv]] {name}"), "PV array") })
 }
 
 /// The rows' triangles, the southernmost (that which faces the azimuth) first.

@@ -313,8 +313,8 @@ impl Source {
     }
 
     /// What no file holds.
-    pub(super) fn named(name: String, format: &str) -> Self {
-        let source = Self::new(Path::new(&name), Format::Radiance);
+    pub(super) fn named(name: &str, format: &str) -> Self {
+        let source = Self::new(Path::new(name), Format::Radiance);
         Self { format: format.to_owned(), ..source }
     }
 

@@ -8,11 +8,11 @@ use super::{Error, Plan};
 use crate::base::{Photon, PhotonSink, Progress, Purpose, SinkError, Tally};
 
 /// Photons that are sent in one piece. Fixed: the tally's sums depend on it.
-pub const BATCH_PHOTONS: u64 = 65_536;
+pub const BATCH_PHOTONS: u64 = 16_384;
 
 /// Batches of a unit at least and at most, and how many units a plan is cut into in between: few
 /// enough that a unit takes seconds, large enough that many threads find work in it.
-const UNIT_BATCHES: (u64, u64) = (16, 256);
+const UNIT_BATCHES: (u64, u64) = (2, 256);
 const UNITS: u64 = 256;
 
 impl Plan {
@@ -75,22 +75,37 @@ pub fn run_units(
     sink: &mut dyn UnitSink,
     progress: &dyn Progress,
 ) -> Result<(), Error> {
-    let tracer = Tracer::new(emission)?;
-    let draw =
-        Draw { purpose: Purpose::Photon, seed: emission.settings.seed, emitted: plan.emitted };
-    let count = |&unit: &u64| {
-        let numbers = plan.unit(unit);
-        numbers.end - numbers.start
-    };
-    progress.begin("tracing photons", units.iter().map(count).sum(), "photons");
-    let result = units.iter().try_for_each(|&unit| {
-        let numbers = plan.unit(unit);
-        let deliver = |batch: &Batch| Ok(sink.accept(&batch.photons)?);
-        let tally = send_all(&tracer, draw, numbers, true, progress, deliver)?;
-        Ok(sink.complete(unit, &tally)?)
-    });
-    progress.finish();
-    result
+    Tracer::new(emission)?.run_units(plan, units, sink, progress)
+}
+
+impl Tracer<'_> {
+    /// See [`run_units`].
+    ///
+    /// # Errors
+    /// As there.
+    pub fn run_units(
+        &self,
+        plan: &Plan,
+        units: &[u64],
+        sink: &mut dyn UnitSink,
+        progress: &dyn Progress,
+    ) -> Result<(), Error> {
+        let seed = self.emission.settings.seed;
+        let draw = Draw { purpose: Purpose::Photon, seed, emitted: plan.emitted };
+        let count = |&unit: &u64| {
+            let numbers = plan.unit(unit);
+            numbers.end - numbers.start
+        };
+        progress.begin("tracing photons", units.iter().map(count).sum(), "photons");
+        let result = units.iter().try_for_each(|&unit| {
+            let numbers = plan.unit(unit);
+            let deliver = |batch: &Batch| Ok(sink.accept(&batch.photons)?);
+            let tally = send_all(self, draw, numbers, true, progress, deliver)?;
+            Ok(sink.complete(unit, &tally)?)
+        });
+        progress.finish();
+        result
+    }
 }
 
 /// Adds up the tallies of the units.

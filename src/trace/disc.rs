@@ -1,7 +1,7 @@
 use glam::DVec3;
 
 use crate::base::Frame;
-use crate::site::bsdf::on_circle;
+use crate::site::bsdf::{Cone, on_circle};
 
 /// The sun's disc: a cone of directions around the sun's centre.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -10,13 +10,24 @@ pub(super) struct Disc {
     versine: f64,
     cos: f64,
     sin: f64,
+    radius_rad: f64,
 }
 
 impl Disc {
     pub(super) fn new(diameter_deg: f64) -> Self {
         let radius = (0.5 * diameter_deg).to_radians();
         let half = libm::sin(0.5 * radius);
-        Self { versine: 2.0 * half * half, cos: libm::cos(radius), sin: libm::sin(radius) }
+        Self {
+            versine: 2.0 * half * half,
+            cos: libm::cos(radius),
+            sin: libm::sin(radius),
+            radius_rad: radius,
+        }
+    }
+
+    /// The disc around a centre.
+    pub(super) fn cone(&self, centre: DVec3) -> Cone {
+        Cone::new(centre, self.radius_rad)
     }
 
     /// A direction of the disc, uniform in solid angle, from two uniform numbers.

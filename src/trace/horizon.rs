@@ -1,25 +1,22 @@
 use glam::DVec3;
 
-use super::clip::Polygon;
-use super::emitter::{Emitter, reach_m};
+use super::emitter::{Emitter, Pieces, reach_m};
+use super::reach::Reach;
 use super::skyline::{Column, Skyline};
 use crate::site::Site;
+use crate::site::bsdf::Cone;
 
 /// Directions of the compass that are told apart.
-const BINS: usize = 512;
-/// Cells that all PV together is cut into, about.
-const MOST_CELLS: f64 = 512.0;
-/// No cell is made smaller than this, m.
-const FINEST_CELL_M: f64 = 0.5;
+pub(super) const BINS: usize = 512;
 /// A column this small against its distance is not looked into further.
 const FINE_ENOUGH: f64 = 0.03;
 /// Triangles looked at over all emitters; emitters beyond have no horizon and trace every ray.
 const MOST_WORK: u64 = 2_000_000_000;
 
-/// Under which elevation anything within the path limit can be seen from a piece of PV, by
-/// compass direction. Conservative: a direction above it reaches nothing.
+/// Under which elevation anything within the path limit can be seen from each piece of an emitter,
+/// by compass direction. Conservative: a direction above it reaches nothing.
 ///
-/// Proof: a photon starts in the box of its cell and leaves upwards from its plane, so it can hit
+/// Proof: a photon starts in the box of its piece and leaves upwards from its plane, so it can hit
 /// only what lies above that plane, within the limit. Each hit point lies in some column of the
 /// skyline, at or below its top. For every column, the tangent of the elevation from any point of
 /// the box to any point of the column is at most (top - lowest start) over the smallest horizontal
@@ -28,37 +25,32 @@ const MOST_WORK: u64 = 2_000_000_000;
 /// columns are larger than they are by a margin that covers the rounding of rays to f32.
 #[derive(Debug)]
 pub(super) struct Horizon {
-    axes: [DVec3; 2],
-    corner: [f64; 2],
-    per_m: f64,
-    cells: [usize; 2],
-    /// Index of each cell's bins in `tangents`; [`Horizon::OPEN`] for cells without PV.
-    index: Vec<u32>,
-    /// Tangent of the elevation, [`BINS`] for each cell with PV.
+    /// Tangent of the elevation, [`BINS`] for each piece.
     tangents: Vec<f32>,
-    /// The same over all cells.
-    overall: Vec<f32>,
+    reach: Reach,
 }
 
 /// Smallest and largest corner of a box, m.
 type Span = (DVec3, DVec3);
 
-/// The horizons of all emitters.
+/// The horizons of all emitters. With an infinite limit they tell where the sun and the open sky
+/// are; those are coarser, because all that they spare is a ray.
 pub(super) fn horizons(site: &Site, emitters: &[Emitter], max_path_m: f64) -> Vec<Option<Horizon>> {
     use rayon::prelude::*;
-    let area_m2: f64 = emitters.iter().map(|e| e.area_m2).sum();
-    let cell_m = (area_m2 / MOST_CELLS).sqrt().max(FINEST_CELL_M);
     let depth = match emitters.len() {
         0..=32 => 9,
         33..=256 => 8,
         _ => 7,
-    };
+    } - u32::from(max_path_m.is_infinite());
     let allowed = (MOST_WORK / (site.triangles.len() as u64).max(1)) as usize;
+    let fine = emitters.len() <= 32 && max_path_m.is_finite();
+    let rasters = if fine { (256, 128) } else { (64, 32) };
     emitters
         .par_iter()
         .enumerate()
         .map(|(i, emitter)| {
-            (i < allowed).then(|| Horizon::build(site, emitter, cell_m, depth, max_path_m))
+            let build = || Horizon::build(site, emitter, depth, rasters, max_path_m);
+            (i < allowed).then(build)
         })
         .collect()
 }
@@ -66,7 +58,7 @@ pub(super) fn horizons(site: &Site, emitters: &[Emitter], max_path_m: f64) -> Ve
 /// A number that grows with the azimuth, from 0 (x axis) over 1 (y axis) to 4, without
 /// trigonometry.
 #[inline]
-fn compass(x: f64, y: f64) -> f64 {
+pub(super) fn compass(x: f64, y: f64) -> f64 {
     let turn = if x.abs() + y.abs() > 0.0 { y / (x.abs() + y.abs()) } else { 0.0 };
     if x < 0.0 {
         2.0 - turn
@@ -78,114 +70,73 @@ fn compass(x: f64, y: f64) -> f64 {
 }
 
 impl Horizon {
-    const OPEN: u32 = u32::MAX;
-
-    fn build(site: &Site, emitter: &Emitter, cell_m: f64, depth: u32, max_path_m: f64) -> Self {
+    fn build(
+        site: &Site,
+        emitter: &Emitter,
+        depth: u32,
+        rasters: (usize, usize),
+        max_path_m: f64,
+    ) -> Self {
         let margin_m = (1e-6 * reach_m(site)).max(1e-3);
-        let axes = [emitter.frame.x, emitter.frame.y];
-        let span = |axis: DVec3| {
-            let along = emitter.triangles.iter().flatten().map(|p| axis.dot(*p));
-            along.fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), at| (a.min(at), b.max(at)))
-        };
-        let spans = axes.map(span);
-        let wide = spans.map(|(a, b)| b - a);
-        // A long thin surface would have many cells without PV.
-        let cell_m = cell_m.max((wide[0] * wide[1] / (64.0 * MOST_CELLS)).sqrt());
-        let cells = wide.map(|w| ((w / cell_m).ceil() as usize).clamp(1, 4096));
-        let cell_m = (wide[0] / cells[0] as f64).max(wide[1] / cells[1] as f64).max(1e-6);
-        let mut out = Self {
-            axes,
-            corner: spans.map(|(a, _)| a),
-            per_m: 1.0 / cell_m,
-            cells,
-            index: vec![Self::OPEN; cells[0] * cells[1]],
-            tangents: Vec::new(),
-            overall: vec![f32::NEG_INFINITY; BINS],
-        };
-        let boxes = out.boxes(emitter, cell_m, margin_m);
-        let skyline = {
-            let all = boxes
-                .iter()
-                .flatten()
-                .fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(a, b): Span, &(c, d)| {
-                    (a.min(c), b.max(d))
-                });
-            let (low, high) = (site.bounds.min.as_dvec3(), site.bounds.max.as_dvec3());
-            let low = [0, 1].map(|i| (all.0[i] - max_path_m).max(low[i]) - margin_m);
-            let high = [0, 1].map(|i| (all.1[i] + max_path_m).min(high[i]) + margin_m);
-            let plane = (emitter.frame.z, emitter.floor_m);
-            Skyline::build(&site.triangles, plane, (low, high), depth, margin_m)
-        };
-        for (cell, span) in boxes.into_iter().enumerate() {
-            let Some(span) = span else { continue };
-            let tangents = seen_from(&skyline, span, max_path_m + margin_m);
-            for (all, one) in out.overall.iter_mut().zip(&tangents) {
-                *all = all.max(*one);
-            }
-            out.index[cell] = (out.tangents.len() / BINS) as u32;
-            out.tangents.extend(tangents);
+        let boxes: Vec<Span> = emitter
+            .pieces
+            .iter()
+            .map(|piece| {
+                let corners = piece.triangles.iter().flatten().map(|&p| emitter.lifted(p));
+                corners.fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(a, b), p| {
+                    (a.min(p - margin_m), b.max(p + margin_m))
+                })
+            })
+            .collect();
+        let all = boxes
+            .iter()
+            .fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(a, b), &(c, d)| (a.min(c), b.max(d)));
+        let (low, high) = (site.bounds.min.as_dvec3(), site.bounds.max.as_dvec3());
+        let low = [0, 1].map(|i| (all.0[i] - max_path_m).max(low[i]) - margin_m);
+        let high = [0, 1].map(|i| (all.1[i] + max_path_m).min(high[i]) + margin_m);
+        let plane = (emitter.frame.z, emitter.floor_m);
+        let skyline = Skyline::build(&site.triangles, plane, (low, high), depth, margin_m);
+        let mut tangents = Vec::with_capacity(boxes.len() * BINS);
+        for span in boxes {
+            tangents.extend(seen_from(&skyline, span, max_path_m + margin_m));
         }
-        out
+        let reach = Reach::of(&tangents, rasters);
+        Self { tangents, reach }
     }
 
-    /// The box around the starting points of each cell, if it has any.
-    fn boxes(&self, emitter: &Emitter, cell_m: f64, margin_m: f64) -> Vec<Option<Span>> {
-        let mut out: Vec<Option<Span>> = vec![None; self.index.len()];
-        let clamp = |at: f64, axis: usize| {
-            let last = self.cells[axis] as f64 - 1.0;
-            ((at - self.corner[axis]) * self.per_m).floor().clamp(0.0, last) as usize
-        };
-        // A point on a border may fall to either side by rounding: cells overlap by this.
-        let overlap = 1e-6;
-        for triangle in &emitter.triangles {
-            let shape = Polygon::triangle(*triangle);
-            let range = |axis: usize| {
-                let along = triangle.map(|p| self.axes[axis].dot(p));
-                let low = along.iter().fold(f64::INFINITY, |a, &b| a.min(b));
-                let high = along.iter().fold(f64::NEG_INFINITY, |a, &b| a.max(b));
-                clamp(low - overlap, axis)..=clamp(high + overlap, axis)
-            };
-            for i in range(0) {
-                let low = self.corner[0] + i as f64 * cell_m;
-                let slab = shape.between(self.axes[0], low - overlap, low + cell_m + overlap);
-                if slab.is_empty() {
-                    continue;
-                }
-                for j in range(1) {
-                    let low = self.corner[1] + j as f64 * cell_m;
-                    let part = slab.between(self.axes[1], low - overlap, low + cell_m + overlap);
-                    for &p in part.points() {
-                        let p = emitter.lifted(p);
-                        let slot = &mut out[j * self.cells[0] + i];
-                        let (a, b) = slot.unwrap_or((DVec3::INFINITY, DVec3::NEG_INFINITY));
-                        *slot = Some((a.min(p - margin_m), b.max(p + margin_m)));
-                    }
-                }
-            }
-        }
-        out
-    }
-
-    /// Whether a direction reaches nothing from anywhere on the surface.
+    /// The pieces from which a direction may reach something.
     #[inline]
-    pub(super) fn clears_all(&self, direction: DVec3) -> bool {
-        clears(&self.overall, direction)
+    pub(super) fn reaching(&self, direction: DVec3) -> Pieces {
+        let level = (direction.x * direction.x + direction.y * direction.y).sqrt();
+        let column = self.reach.column(direction.x, direction.y, 0.0) as usize;
+        self.reach.at(0, column, self.reach.row(direction.z, level))
     }
 
-    /// Whether a direction reaches nothing from `point`.
-    #[inline]
-    pub(super) fn clears(&self, point: DVec3, direction: DVec3) -> bool {
-        let cell = [0, 1].map(|axis| {
-            let at = (self.axes[axis].dot(point) - self.corner[axis]) * self.per_m;
-            // `as` saturates: what lies before the first cell by rounding belongs to it.
-            (at as usize).min(self.cells[axis] - 1)
-        });
-        let index = self.index[cell[1] * self.cells[0] + cell[0]];
-        if index == Self::OPEN {
-            return false;
+    /// The pieces from which any direction of a cone may reach something.
+    pub(super) fn reaching_cone(&self, cone: &Cone) -> Pieces {
+        let d = cone.axis;
+        let level = d.x.hypot(d.y);
+        // Sine and cosine of the lowest elevation.
+        let sine = d.z * cone.cos - level * cone.sin;
+        let cosine = level * cone.cos + d.z * cone.sin;
+        let (sine, cosine) =
+            if cosine <= 0.0 || cone.cos <= 0.0 { (-1.0, 0.0) } else { (sine, cosine) };
+        let row = self.reach.row(sine, cosine);
+        if cone.cos <= 0.0 || cone.sin >= level {
+            return self.reach.all_around(row);
         }
-        let start = index as usize * BINS;
-        clears(&self.tangents[start..start + BINS], direction)
+        // The azimuths end where the cone touches a vertical plane.
+        let sin = (cone.sin / level + 1e-9).min(1.0);
+        let cos = (1.0 - sin * sin).sqrt();
+        let from = self.reach.column(d.x * cos + d.y * sin, d.y * cos - d.x * sin, -1e-6);
+        let to = self.reach.column(d.x * cos - d.y * sin, d.y * cos + d.x * sin, 1e-6);
+        self.reach.between(from, to, row)
+    }
+
+    /// Whether a direction reaches nothing from anywhere on a piece.
+    #[inline]
+    pub(super) fn clears(&self, piece: usize, direction: DVec3) -> bool {
+        clears(&self.tangents[piece * BINS..(piece + 1) * BINS], direction)
     }
 }
 

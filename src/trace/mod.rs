@@ -1,22 +1,28 @@
 //! From the sun to the place where a photon lands.
 //!
-//! Only the PV emits. Photon `n` of `N` belongs to the position `(n + xi) / N` in the cumulative
-//! distribution over (timestep, PV surface), weighed with `E * A * g`: irradiance, area, and an
-//! upper bound over the sun's disc of `cos * reflectance bound`. It draws a direction to the sun's
-//! disc and a point on the surface, is scattered by the PV's BSDF by survival, and flies to where
-//! it lands. Whoever survives carries the same flux, `sum(E A g) / N`.
+//! Only the PV emits, and only what may land. The BSDF is drawn from a unit square for each of its
+//! lobes ([`Chart`]); for each sun and PV surface these are cut into smaller squares, those with the
+//! largest waste first, and a square is kept only for those pieces of the surface from which a cone
+//! that holds all its directions, for all of the sun's disc, doesn't clear the horizon: a
+//! conservative one, for each piece and compass direction, of what lies within the path limit. So
+//! what is left out provably reaches nothing. Squares are cut as finely as the photons wanted for
+//! each sun are worth, and again as photons come to them: memory doesn't grow with the suns.
 //!
-//! Directions that provably reach nothing within the path limit ([`Fate::NotSampled`]) are told
-//! from a conservative horizon per piece of PV, without tracing a ray.
+//! Photon `n` of `N` belongs to the position `(n + xi) / N` in the cumulative distribution over
+//! (timestep, PV surface, square), weighed with `E * A * W`: irradiance, area of the pieces, and an
+//! upper bound over square and disc of `density * cos`. It draws a direction to the sun's disc and
+//! a point of the square, survives with `density * cos / W`, starts from one of the pieces, and
+//! flies to where it lands. Whoever survives carries the same flux, `sum(E A W) / N`.
 //!
-//! What the tally says follows the order of the questions, cheapest first: parts of the disc
-//! behind the PV's plane or below the horizon (`blocked`, no flux), the PV's absorption
-//! (`absorbed`), the horizon (`not_sampled`), the way to the sun (`blocked`), the flight. So the
-//! blocked flux counts the shadow on photons that would have flown towards the neighbourhood;
-//! those that the PV takes or the sky swallows aren't asked. It closes all the same.
+//! What falls onto the PV and what it scatters follow from integrals over sun, disc and BSDF; what
+//! no photon carried of it was [`Fate::NotSampled`], so the tally closes. The blocked flux counts
+//! the shadow on photons that would have flown towards the neighbourhood alone: the others aren't
+//! asked.
 //!
 //! [`Fate::NotSampled`]: crate::base::Fate::NotSampled
+//! [`Chart`]: crate::site::bsdf::Chart
 
+mod aim;
 mod batch;
 mod clip;
 mod disc;
@@ -27,9 +33,14 @@ mod horizon;
 mod path;
 mod pilot;
 mod power;
+mod reach;
+mod replay;
 mod skyline;
+mod yields;
 
 pub use batch::{BATCH_PHOTONS, UnitSink, run, run_units};
 pub use emission::{Emission, Receivers, Settings};
 pub use error::Error;
+pub use path::Tracer;
 pub use pilot::{Plan, plan};
+pub use replay::Retold;

@@ -3,19 +3,28 @@ use std::ops::Range;
 use glam::DVec3;
 
 use super::Error;
+use super::aim::{self, Ground};
 use super::disc::Disc;
 use super::emission::{Emission, Receivers};
 use super::emitter::{Emitter, emitters};
 use super::horizon::{Horizon, horizons};
-use super::power::{Power, Shares};
+use super::power::{Aim, Power, Shares, Sources};
+use super::replay::{Retold, lobe, word};
+use super::yields::Yields;
 use crate::base::{Fate, Photon, Purpose, Stream, Tally};
 
-/// Everything that photons need, worked out once.
-pub(super) struct Tracer<'a> {
-    emission: &'a Emission<'a>,
+/// Everything that photons need, worked out once: horizons, and what falls to which timestep.
+pub struct Tracer<'a> {
+    pub(super) emission: &'a Emission<'a>,
     emitters: Vec<Emitter<'a>>,
+    /// What can be reached within the path limit.
     horizons: Vec<Option<Horizon>>,
+    /// What can be seen at all.
+    skies: Vec<Option<Horizon>>,
+    grounds: Vec<Ground>,
     disc: Disc,
+    /// See [`aim::budget`].
+    budget: usize,
     power: Power,
     max_path_m: f32,
 }
@@ -27,6 +36,29 @@ pub(super) struct Batch {
     pub photons: Vec<Photon>,
 }
 
+/// One photon's way.
+#[derive(Clone, Copy, Debug)]
+struct Path {
+    fate: Fate,
+    /// Unit vector to the point of the sun's disc that it came from.
+    to_sun: DVec3,
+    /// See [`crate::site::bsdf::Scattered`].
+    weight: f64,
+    /// Flux that left the PV, W.
+    left_w: f64,
+    /// `None`: the photon died in the PV.
+    flight: Option<Flight>,
+}
+
+#[derive(Clone, Copy, Debug)]
+struct Flight {
+    /// `None`: whatever the point, nothing is reached.
+    start: Option<DVec3>,
+    direction: DVec3,
+    /// Distance and triangle.
+    hit: Option<(f32, u32)>,
+}
+
 /// Which photons: of how many, and drawn for what.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Draw {
@@ -35,18 +67,54 @@ pub(super) struct Draw {
     pub emitted: u64,
 }
 
+impl std::fmt::Debug for Tracer<'_> {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(f, "Tracer of {} emitters", self.emitters.len())
+    }
+}
+
 impl<'a> Tracer<'a> {
-    pub(super) fn new(emission: &'a Emission<'a>) -> Result<Self, Error> {
+    /// Gets ready to send photons.
+    ///
+    /// # Errors
+    /// What [`Emission::check`] finds, and [`Error::NoFlux`].
+    pub fn new(emission: &'a Emission<'a>) -> Result<Self, Error> {
+        Self::with(emission, true)
+    }
+
+    /// `cut`: whether lobes are cut into squares, or drawn as a whole.
+    fn with(emission: &'a Emission<'a>, cut: bool) -> Result<Self, Error> {
         emission.check()?;
-        let disc = Disc::new(emission.timeline.sun_diameter_deg);
+        let timeline = emission.timeline;
+        let disc = Disc::new(timeline.sun_diameter_deg);
         let emitters = emitters(emission.site, &emission.bsdfs);
-        let power = Power::of(&emitters, &disc, emission.timeline);
-        if power.total_w().partial_cmp(&0.0) != Some(std::cmp::Ordering::Greater) {
-            return Err(Error::NoFlux { timesteps: emission.timeline.steps.len() });
+        let yields = Yields::of(&emitters);
+        let horizons_of = |max_path_m| horizons(emission.site, &emitters, max_path_m);
+        let horizons = horizons_of(emission.settings.max_path_m);
+        let budget = match cut {
+            true => aim::budget(emission.settings.stored, emitters.len() * timeline.steps.len()),
+            false => 0,
+        };
+        let grounds: Vec<Ground> = emitters
+            .iter()
+            .zip(&horizons)
+            .map(|(emitter, horizon)| Ground::of(emitter, horizon.as_ref(), budget))
+            .collect();
+        let sources = Sources {
+            emitters: &emitters,
+            horizons: &horizons,
+            grounds: &grounds,
+            disc,
+            timeline,
+            budget,
+        };
+        let power = Power::of(&sources, &yields);
+        if !above_zero(power.scatters_w) {
+            return Err(Error::NoFlux { timesteps: timeline.steps.len() });
         }
-        let horizons = horizons(emission.site, &emitters, emission.settings.max_path_m);
+        let skies = horizons_of(f64::INFINITY);
         let max_path_m = emission.settings.max_path_m as f32;
-        Ok(Self { emission, emitters, horizons, disc, power, max_path_m })
+        Ok(Self { emission, emitters, horizons, skies, grounds, disc, budget, power, max_path_m })
     }
 
     /// Watts that all photons carry together.
@@ -54,105 +122,186 @@ impl<'a> Tracer<'a> {
         self.power.total_w()
     }
 
+    /// The tally of a run of no photons: all that is scattered reaches nothing.
+    pub(super) fn dark(&self) -> Tally {
+        let mut tally = Tally::default();
+        tally.close(self.power.falls_w, self.power.scatters_w);
+        tally
+    }
+
+    fn sources(&self) -> Sources<'_> {
+        Sources {
+            emitters: &self.emitters,
+            horizons: &self.horizons,
+            grounds: &self.grounds,
+            disc: self.disc,
+            timeline: self.emission.timeline,
+            budget: self.budget,
+        }
+    }
+
     /// Sends photons `numbers` of `draw.emitted`.
     pub(super) fn send(&self, draw: Draw, numbers: Range<u64>, keep: bool) -> Batch {
         let mut out = Batch::default();
+        let sent = (numbers.end - numbers.start) as f64;
         let each_w = self.power.total_w() / draw.emitted as f64;
-        let shares = |step| Shares::of(&self.emitters, &self.disc, self.emission.timeline, step);
-        let mut current = shares(self.power.find(numbers.start as f64 * each_w));
+        let sources = self.sources();
+        let mut current = Shares::of(&sources, self.power.find(numbers.start as f64 * each_w));
+        let mut near = 0;
         for number in numbers {
             let mut random = Stream::new(draw.seed, draw.purpose, number);
             let at_w = (number as f64 + random.uniform()) * each_w;
             let step = self.power.step_at(at_w, current.step);
             if step != current.step {
-                current = shares(step);
+                current = Shares::of(&sources, step);
+                near = 0;
             }
-            self.one(&current, at_w, each_w, &mut random, keep, &mut out);
+            match current.at(at_w - self.power.before_w(step), &mut near) {
+                Some(aim) => {
+                    let path = self.follow(&current, aim, each_w, &mut random);
+                    out.tally.book(path.fate, path.left_w);
+                    out.tally.over_bound += u64::from(path.weight > 1.0);
+                    if keep {
+                        out.photons.extend(self.photon(&current, aim, &path));
+                    }
+                }
+                None => out.tally.book(Fate::Blocked, 0.0),
+            }
         }
+        // Each photon stands for as much as any other of what fell onto the PV.
+        let share = sent / draw.emitted as f64;
+        out.tally.close(share * self.power.falls_w, share * self.power.scatters_w);
         out
     }
 
-    /// Sends one photon and books it.
+    /// Follows one photon from the sun to its end.
     #[inline]
-    fn one(
-        &self,
-        shares: &Shares,
-        at_w: f64,
-        each_w: f64,
-        random: &mut Stream,
-        keep: bool,
-        out: &mut Batch,
-    ) {
-        let Some((index, peak)) = shares.at(at_w - self.power.before_w(shares.step)) else {
-            return out.tally.book(Fate::Blocked, 0.0, 0.0);
-        };
-        let emitter = &self.emitters[index];
+    fn follow(&self, shares: &Shares, aim: &Aim, each_w: f64, random: &mut Stream) -> Path {
+        let emitter = &self.emitters[aim.emitter];
         let to_sun = self.disc.direction(&shares.sun, random.uniform(), random.uniform());
         let incident = emitter.frame.local_from_world(to_sun);
+        let ended = |fate| Path { fate, to_sun, weight: 1.0, left_w: 0.0, flight: None };
         if incident.z <= 0.0 || to_sun.z <= 0.0 {
-            return out.tally.book(Fate::Blocked, 0.0, 0.0);
+            return ended(Fate::Blocked);
         }
-        // The photon stands for each_w / peak of what falls onto the PV per unit of cosine.
-        let sent_w = each_w * incident.z / peak;
-        let scattered = emitter.bsdf.sample_within(incident, peak / incident.z, random);
-        let Some(scattered) = scattered else {
-            return out.tally.book(Fate::Absorbed, sent_w, 0.0);
+        let bound = aim.target.most / incident.z;
+        let Some(scattered) = emitter.bsdf.draw(aim.target.square, incident, bound, random) else {
+            return ended(Fate::Absorbed);
         };
         let left_w = each_w * scattered.weight;
-        out.tally.over_bound += u64::from(scattered.weight > 1.0);
         let direction = emitter.frame.world_from_local(scattered.direction);
-        let horizon = self.horizons[index].as_ref();
-        if horizon.is_some_and(|h| h.clears_all(direction)) {
-            return out.tally.book(Fate::NotSampled, sent_w, left_w);
-        }
-        let point = emitter.point(random);
-        if horizon.is_some_and(|h| h.clears(point, direction)) {
-            return out.tally.book(Fate::NotSampled, sent_w, left_w);
-        }
-        let (fate, hit) = self.fly(point, to_sun, direction);
-        out.tally.book(fate, sent_w, left_w);
-        if let Some((distance_m, triangle)) = hit.filter(|_| keep) {
-            let towards = direction.as_vec3();
-            let normal = self.emission.site.triangles[triangle as usize].normal();
-            out.photons.push(Photon {
-                position: (point + direction * f64::from(distance_m)).as_vec3(),
-                normal: if normal.dot(towards) > 0.0 { -normal } else { normal },
-                direction: -towards,
-                flux_w: left_w as f32,
-                timestep: shares.step as u32,
-                surface: emitter.surface,
-            });
-        }
+        let piece = emitter.piece(aim.target.pieces, aim.target.share, random);
+        let mut flight = Flight { start: None, direction, hit: None };
+        let clear = self.horizons[aim.emitter].as_ref().is_some_and(|h| h.clears(piece, direction));
+        let fate = if clear {
+            Fate::NotSampled
+        } else {
+            let start = emitter.point(piece, random);
+            flight.start = Some(start);
+            let (fate, hit) = self.fly((aim.emitter, piece), start, to_sun, direction);
+            flight.hit = hit;
+            fate
+        };
+        Path { fate, to_sun, weight: scattered.weight, left_w, flight: Some(flight) }
     }
 
-    /// The way to the sun, and the flight: what becomes of the photon, and if it is kept, how far
-    /// it flew and the triangle where it landed.
-    fn fly(&self, point: DVec3, to_sun: DVec3, direction: DVec3) -> (Fate, Option<(f32, u32)>) {
+    /// What is stored of a photon, if it is.
+    #[inline]
+    fn photon(&self, shares: &Shares, aim: &Aim, path: &Path) -> Option<Photon> {
+        if path.fate != Fate::Stored {
+            return None;
+        }
+        let flight = path.flight.as_ref()?;
+        let (start, (distance_m, triangle)) = (flight.start?, flight.hit?);
+        let towards = flight.direction.as_vec3();
+        let normal = self.emission.site.triangles[triangle as usize].normal();
+        Some(Photon {
+            position: (start + flight.direction * f64::from(distance_m)).as_vec3(),
+            normal: if normal.dot(towards) > 0.0 { -normal } else { normal },
+            direction: -towards,
+            flux_w: path.left_w as f32,
+            timestep: shares.step as u32,
+            surface: self.emitters[aim.emitter].surface,
+        })
+    }
+
+    /// See [`Tracer::replay`]. `None` only where nothing can be sent at all.
+    pub(super) fn retell(&self, draw: Draw, number: u64) -> Option<Retold> {
+        let each_w = self.power.total_w() / draw.emitted as f64;
+        let mut random = Stream::new(draw.seed, draw.purpose, number);
+        let at_w = (number as f64 + random.uniform()) * each_w;
+        let shares = Shares::of(&self.sources(), self.power.find(at_w));
+        let aim = *shares.at(at_w - self.power.before_w(shares.step), &mut 0)?;
+        let path = self.follow(&shares, &aim, each_w, &mut random);
+        let emitter = &self.emitters[aim.emitter];
+        let pv = &self.emission.site.pv[usize::from(emitter.surface)];
+        let start = path.flight.and_then(|f| f.start);
+        let hit = path.flight.and_then(|f| f.hit);
+        let looked = start.is_some() && self.emission.settings.sun_visibility;
+        let target = aim.target;
+        Some(Retold {
+            photon: number,
+            emitted: draw.emitted,
+            timestep: shares.step,
+            to_sun: path.to_sun.to_array(),
+            surface: emitter.surface,
+            back: emitter.frame.z.dot(pv.normal) < 0.0,
+            incidence_deg: libm::acos(emitter.frame.z.dot(path.to_sun).clamp(-1.0, 1.0))
+                .to_degrees(),
+            lobe: lobe(target.square.chart),
+            lobe_share: target.square.area(),
+            area_share: target.share,
+            weight: path.weight,
+            start: start.map(|p| p.to_array()),
+            direction: path.flight.map(|f| f.direction.to_array()),
+            sun_visible: looked.then_some(path.fate != Fate::Blocked),
+            fate: word(path.fate),
+            distance_m: hit.map(|h| h.0),
+            triangle: hit.map(|h| h.1),
+            landed: self.photon(&shares, &aim, &path).map(|p| p.position.to_array()),
+            flux_w: path.left_w,
+        })
+    }
+
+    /// The way to the sun, and the flight: what becomes of the photon, and if it hits something
+    /// within the limit, how far it flew and which triangle.
+    fn fly(
+        &self,
+        (emitter, piece): (usize, usize),
+        point: DVec3,
+        to_sun: DVec3,
+        direction: DVec3,
+    ) -> (Fate, Option<(f32, u32)>) {
         let site = self.emission.site;
         let (start, towards) = (point.as_vec3(), direction.as_vec3());
         let settings = &self.emission.settings;
-        if settings.sun_visibility && site.bvh.occluded(start, to_sun.as_vec3(), 0.0, f32::INFINITY)
+        let open = |d| self.skies[emitter].as_ref().is_some_and(|sky| sky.clears(piece, d));
+        if settings.sun_visibility
+            && !open(to_sun)
+            && site.bvh.occluded(start, to_sun.as_vec3(), 0.0, f32::INFINITY)
         {
             return (Fate::Blocked, None);
         }
         let Some(hit) = site.bvh.closest(start, towards, 0.0, self.max_path_m) else {
-            let beyond = site.bvh.occluded(start, towards, self.max_path_m, f32::INFINITY);
+            let beyond = !open(direction)
+                && site.bvh.occluded(start, towards, self.max_path_m, f32::INFINITY);
             return (if beyond { Fate::TooFar } else { Fate::Escaped }, None);
         };
         let face = site.face_of(hit.triangle);
+        let landed = Some((hit.distance_m, hit.triangle));
         if face.pv.is_some() {
-            return (Fate::OnPv, None);
+            return (Fate::OnPv, landed);
         }
         let kept = match settings.receivers {
             Receivers::All => true,
             Receivers::Diffuse => site.materials[face.material as usize].diffuse,
         };
-        if kept {
-            (Fate::Stored, Some((hit.distance_m, hit.triangle)))
-        } else {
-            (Fate::Escaped, None)
-        }
+        (if kept { Fate::Stored } else { Fate::Escaped }, landed)
     }
+}
+
+fn above_zero(x: f64) -> bool {
+    x.partial_cmp(&0.0) == Some(std::cmp::Ordering::Greater)
 }
 
 #[cfg(test)]
@@ -161,7 +310,7 @@ mod tests {
 
     use super::*;
     use crate::base::{Aabb, SpectralBasis, Timeline, Timestep};
-    use crate::site::bsdf::{Bsdf, Model, on_circle};
+    use crate::site::bsdf::{Bsdf, Chart, Model, Square, on_circle};
     use crate::site::{Bvh, Face, Material, Object, PvSurface, Site, Triangle};
     use crate::trace::Settings;
 
@@ -295,7 +444,8 @@ mod tests {
                 let mut random = Stream::new(seed, Purpose::Survey, i);
                 let index = i as usize % tracer.emitters.len();
                 let emitter = &tracer.emitters[index];
-                let point = emitter.point(&mut random);
+                let piece = emitter.piece(emitter.all(), 1.0, &mut random);
+                let point = emitter.point(piece, &mut random);
                 // Elevations around level: there the horizon runs.
                 let z = 0.8 * random.uniform() - 0.3;
                 let (cos, sin) = on_circle(random.uniform());
@@ -305,11 +455,11 @@ mod tests {
                     continue;
                 }
                 let horizon = tracer.horizons[index].as_ref().expect("built");
-                let all = horizon.clears_all(direction);
-                let here = horizon.clears(point, direction);
+                let here = horizon.clears(piece, direction);
+                let reaching = horizon.reaching(direction);
                 let (start, towards) = (point.as_vec3(), direction.as_vec3());
                 let hit = site.bvh.closest(start, towards, 0.0, max_path_m as f32);
-                assert!(here || !all, "the overall horizon is the highest");
+                assert!(here || reaching >> piece & 1 != 0, "the picture leaves nothing out");
                 assert!(!here || hit.is_none(), "emitter {index}, {point}, {direction}: {hit:?}");
                 dropped += u32::from(here);
                 missed += u32::from(hit.is_none());
@@ -317,6 +467,177 @@ mod tests {
             let share = f64::from(dropped) / f64::from(missed);
             println!("limit {max_path_m} m: {share:.3} of {missed} misses dropped");
             assert!(share > 0.75, "{share} of the misses, limit {max_path_m}");
+        }
+    }
+
+    fn four() -> Vec<([Vec3; 4], bool)> {
+        let at = Vec3::new;
+        vec![
+            ([at(0., 0., 4.0), at(0., 12., 4.0), at(-10., 12., 1.3), at(-10., 0., 1.3)], false),
+            ([at(20., 0., 3.), at(31., 0., 3.), at(31., 9., 3.), at(20., 9., 3.)], false),
+            ([at(5., -20., 0.), at(15., -20., 0.), at(15., -20., 7.), at(5., -20., 7.)], false),
+            ([at(-30., 20., 8.), at(-26., 20., 8.), at(-26., 25., 9.), at(-30., 25., 9.)], true),
+        ]
+    }
+
+    fn days(count: usize) -> Timeline {
+        let mut timeline = noon();
+        let step = timeline.steps[0];
+        timeline.steps = (0..count)
+            .map(|i| {
+                let (azimuth, height) =
+                    (i as f64 / count as f64, 0.02 + 0.9 * (i % 5) as f64 / 5.0);
+                let (cos, sin) = on_circle(azimuth);
+                let level = (1.0 - height * height).sqrt();
+                Timestep { sun: DVec3::new(level * cos, level * sin, height), ..step }
+            })
+            .collect();
+        timeline
+    }
+
+    /// Every kind of scattering; files of both kinds.
+    fn kinds() -> Vec<Bsdf> {
+        let mut out: Vec<Bsdf> = [
+            Model::Lambertian { reflectance: 0.5 },
+            Model::Mirror { reflectance: 0.9 },
+            Model::Glass { index: 1.52 },
+            Model::PvGlass { index: 1.52, ggx_alpha: 0.02, cell_reflectance: 0.04 },
+            Model::PvGlass { index: 1.52, ggx_alpha: 0.3, cell_reflectance: 0.05 },
+        ]
+        .iter()
+        .map(|model| Bsdf::from_model(model).expect("valid"))
+        .collect();
+        out.extend(crate::site::bsdf::samples().into_iter().take(4));
+        out
+    }
+
+    #[test]
+    fn what_no_square_holds_reaches_nothing() {
+        let site = scene(3, &four());
+        let timeline = days(12);
+        for (kind, bsdf) in kinds().iter().enumerate() {
+            let settings = Settings {
+                stored: 60_000,
+                max_path_m: 80.0,
+                seed: 1,
+                sun_visibility: true,
+                receivers: Receivers::All,
+            };
+            let emission =
+                Emission { site: &site, timeline: &timeline, bsdfs: vec![bsdf; 4], settings };
+            let tracer = Tracer::new(&emission).expect("fits");
+            let sources = tracer.sources();
+            let (mut dropped, mut kept, mut over) = (0, 0, 0_u32);
+            for step in 0..timeline.steps.len() {
+                let shares = Shares::of(&sources, step);
+                for i in 0..4000_u64 {
+                    let mut random = Stream::new(step as u64, Purpose::Survey, i);
+                    let number = i as usize % tracer.emitters.len();
+                    let emitter = &tracer.emitters[number];
+                    let (u, v) = (random.uniform(), random.uniform());
+                    let to_sun = tracer.disc.direction(&shares.sun, u, v);
+                    let incident = emitter.frame.local_from_world(to_sun);
+                    let lobes = bsdf.charts();
+                    let lobe = lobes[(i / 5) as usize % lobes.len()];
+                    // A square as fine as any target.
+                    const FINE: u8 = 12;
+                    let side = |bits: u32| (bits % (1 << FINE)) as u16;
+                    let (x, y) = (side(random.bits()), side(random.bits()));
+                    let fine = Square { chart: lobe, level: FINE, x, y };
+                    let (u, v) = (random.uniform(), random.uniform());
+                    if incident.z <= 0.0 || to_sun.z <= 0.0 {
+                        continue;
+                    }
+                    let Some((out, density)) = bsdf.density(fine, incident, u, v) else { continue };
+                    if out.z <= 0.0 || density <= 0.0 {
+                        continue;
+                    }
+                    let piece = emitter.piece(emitter.all(), 1.0, &mut random);
+                    let held = shares.aims().iter().find(|aim| {
+                        let square = aim.target.square;
+                        assert!(square.level <= FINE);
+                        let up = FINE - square.level;
+                        aim.emitter == number
+                            && aim.target.pieces >> piece & 1 != 0
+                            && (square.chart == Chart::Whole
+                                || (square.chart, square.x, square.y) == (lobe, x >> up, y >> up))
+                    });
+                    if let Some(aim) = held {
+                        kept += 1;
+                        let pointwise =
+                            !matches!(aim.target.square.chart, Chart::Whole | Chart::Cells);
+                        over += u32::from(pointwise && density * incident.z > aim.target.most);
+                        continue;
+                    }
+                    dropped += 1;
+                    let point = emitter.point(piece, &mut random).as_vec3();
+                    let towards = emitter.frame.world_from_local(out).as_vec3();
+                    let hit = site.bvh.closest(point, towards, 0.0, 80.0);
+                    assert!(hit.is_none(), "kind {kind}, step {step}: {lobe:?} {u} {v}: {hit:?}");
+                }
+            }
+            println!("kind {kind}: {dropped} dropped, {kept} kept");
+            assert!(
+                kept > 400 && (dropped > 400 || kind > 4),
+                "kind {kind}: {dropped} dropped, {kept} kept"
+            );
+            assert_eq!(over, 0, "kind {kind}: the bounds hold");
+        }
+    }
+
+    /// Flux by timestep, and by the sector and ring where it landed.
+    fn landed(batches: &[Batch], steps: usize) -> Vec<f64> {
+        let mut out = vec![0.0; steps + 40];
+        for p in batches.iter().flat_map(|b| &b.photons) {
+            out[p.timestep as usize] += f64::from(p.flux_w);
+            let turns = libm::atan2f(p.position.y, p.position.x) / std::f32::consts::TAU + 0.5;
+            let ring = usize::from(p.position.truncate().length() > 35.0);
+            out[steps + ring * 20 + ((turns * 20.0) as usize).min(19)] += f64::from(p.flux_w);
+        }
+        out
+    }
+
+    #[test]
+    fn squares_give_what_whole_lobes_give() {
+        let site = scene(4, &four());
+        let timeline = days(24);
+        for (kind, bsdf) in kinds().iter().enumerate() {
+            let settings = Settings {
+                stored: 60_000,
+                max_path_m: 80.0,
+                seed: 1,
+                sun_visibility: true,
+                receivers: Receivers::All,
+            };
+            let emission =
+                Emission { site: &site, timeline: &timeline, bsdfs: vec![bsdf; 4], settings };
+            let found = [true, false].map(|cut| {
+                let tracer = Tracer::with(&emission, cut).expect("fits");
+                let emitted = if cut { 40_000 } else { 120_000 };
+                let draw = Draw { purpose: Purpose::Photon, seed: u64::from(cut), emitted };
+                let batch = tracer.send(draw, 0..emitted, true);
+                let stored = batch.photons.len() as f64 / emitted as f64;
+                let flux = landed(&[batch], timeline.steps.len());
+                (flux, tracer.total_w() / emitted as f64, stored)
+            });
+            let [(cut, cut_w, cut_share), (whole, whole_w, whole_share)] = &found;
+            // Small random cells take more squares than these few photons are worth.
+            assert!(
+                kind > 4 || cut_share > whole_share,
+                "kind {kind}: {cut_share} of {whole_share}"
+            );
+            let (mut chi, mut degrees) = (0.0, 0.0_f64);
+            for (a, b) in cut.iter().zip(whole) {
+                let variance = 0.5 * (a + b) * (cut_w + whole_w);
+                if a + b > 20.0 * (cut_w + whole_w) {
+                    chi += (a - b).powi(2) / variance;
+                    degrees += 1.0;
+                }
+            }
+            println!("kind {kind}: {cut_share:.3} of {whole_share:.3}: chi2 {chi:.0} of {degrees}");
+            // 4 sigma; stratified, so rather less than chi-square.
+            let limit = degrees + 4.0 * (2.0 * degrees).sqrt();
+            assert!(degrees > 20.0 && chi < limit, "kind {kind}: {chi} for {degrees} cells");
         }
     }
 }

@@ -8,6 +8,8 @@ use crate::base::{Progress, Purpose, Tally};
 const PILOT_STORED: u64 = 40_000;
 /// Photons that a pilot sends at most.
 const PILOT_EMITTED: u64 = 1 << 29;
+/// Photons of the first round.
+const FIRST_ROUND: u64 = 32_768;
 /// Landed photons without which a pilot says nothing, and how many it sends before it gives up.
 const PILOT_LEAST: u64 = 64;
 const PILOT_PATIENCE: u64 = 1 << 24;
@@ -37,26 +39,40 @@ pub struct Plan {
 /// What [`Emission::check`] finds, [`Error::NothingLands`] with the shares that say why, and
 /// interruption.
 pub fn plan(emission: &Emission, progress: &dyn Progress) -> Result<Plan, Error> {
-    let tracer = Tracer::new(emission)?;
-    let target = emission.settings.stored;
-    let wanted = (target / 5 * 2).clamp(1000, PILOT_STORED);
-    progress.begin("pilot", wanted, "landed photons");
-    let result = rounds(&tracer, emission, wanted, progress);
-    progress.finish();
-    let tally = result?;
-    let (sent, stored) = (tally.sent.photons, tally.stored.photons);
-    let emitted = (target as f64 * sent as f64 / stored as f64).ceil();
-    if emitted > MOST_EMITTED {
-        return Err(Error::TooMany { stored: target, emitted });
+    Tracer::new(emission)?.plan(progress)
+}
+
+impl Tracer<'_> {
+    /// See [`plan`].
+    ///
+    /// # Errors
+    /// As there.
+    pub fn plan(&self, progress: &dyn Progress) -> Result<Plan, Error> {
+        let (tracer, emission) = (self, self.emission);
+        let target = emission.settings.stored;
+        let wanted = (target / 5 * 2).clamp(1000, PILOT_STORED);
+        progress.begin("pilot", wanted, "landed photons");
+        if tracer.total_w() <= 0.0 {
+            // Nothing can be reached: there is no need to try.
+            return Err(Error::nothing_lands(&tracer.dark(), emission.settings.max_path_m));
+        }
+        let result = rounds(tracer, emission, wanted, progress);
+        progress.finish();
+        let tally = result?;
+        let (sent, stored) = (tally.sent.photons, tally.stored.photons);
+        let emitted = (target as f64 * sent as f64 / stored as f64).ceil();
+        if emitted > MOST_EMITTED {
+            return Err(Error::TooMany { stored: target, emitted });
+        }
+        let emitted = (emitted as u64).max(1);
+        Ok(Plan {
+            emitted,
+            pilot_emitted: sent,
+            pilot_stored: stored,
+            photon_w: tracer.total_w() / emitted as f64,
+            pilot: tally,
+        })
     }
-    let emitted = (emitted as u64).max(1);
-    Ok(Plan {
-        emitted,
-        pilot_emitted: sent,
-        pilot_stored: stored,
-        photon_w: tracer.total_w() / emitted as f64,
-        pilot: tally,
-    })
 }
 
 fn rounds(
@@ -67,7 +83,7 @@ fn rounds(
 ) -> Result<Tally, Error> {
     let mut tally = Tally::default();
     let mut round = 0_u64;
-    let mut size = BATCH_PHOTONS;
+    let mut size = FIRST_ROUND;
     loop {
         // Photons of different rounds must not share numbers: the round is part of the seed.
         let seed = emission.settings.seed.wrapping_add(round.wrapping_mul(0x9E37_79B9_7F4A_7C15));
@@ -93,7 +109,7 @@ fn rounds(
             let each = sent as f64 / stored as f64;
             (1.05 * each * (wanted - stored) as f64) as u64
         };
-        size = missing.clamp(BATCH_PHOTONS / 2, 8 * size).min(PILOT_EMITTED);
+        size = missing.clamp(BATCH_PHOTONS, 8 * size).min(PILOT_EMITTED);
         round += 1;
     }
 }

@@ -1,18 +1,37 @@
 use glam::DVec3;
 use rayon::prelude::*;
 
+use super::aim::{self, Ground, Target};
 use super::disc::Disc;
 use super::emitter::Emitter;
-use crate::base::{Frame, Timeline, Timestep};
+use super::horizon::Horizon;
+use super::yields::Yields;
+use crate::base::{Frame, Timeline};
+use crate::site::bsdf::Cone;
 
-/// The distribution that photons are drawn from: watts over (timestep, emitter). Only the sums
-/// over each timestep are kept; the emitters' shares are worked out again as photons come to it.
+/// What light is drawn from.
+pub(super) struct Sources<'a> {
+    pub emitters: &'a [Emitter<'a>],
+    pub horizons: &'a [Option<Horizon>],
+    pub grounds: &'a [Ground],
+    pub disc: Disc,
+    pub timeline: &'a Timeline,
+    /// See [`aim::budget`].
+    pub budget: usize,
+}
+
+/// The distribution that photons are drawn from: watts over (timestep, emitter, square). Only the
+/// sums over each timestep are kept; the rest is worked out again as photons come to it.
 #[derive(Debug)]
 pub(super) struct Power {
     /// Watts of all timesteps before each one; one longer than the timeline.
     before_w: Vec<f64>,
     /// The last timestep that has any.
     last: usize,
+    /// What falls onto the PV, W, over all timesteps.
+    pub falls_w: f64,
+    /// What the PV scatters of it, W.
+    pub scatters_w: f64,
 }
 
 /// What the emitters have of one timestep.
@@ -22,44 +41,83 @@ pub(super) struct Shares {
     pub step: usize,
     /// Frame whose z points to the sun's centre.
     pub sun: Frame,
-    /// Emitters with a share: number, bound `g` of cos * reflectance, and the watts up to and
-    /// with this one.
-    lit: Vec<(usize, f64, f64)>,
+    /// Where photons may go.
+    aims: Vec<Aim>,
 }
 
-/// Upper bound over the sun's disc of `cos * bound`, with room for rounding.
-fn peak(emitter: &Emitter, disc: &Disc, sun: DVec3) -> f64 {
-    let (low, high) = disc.cosines(emitter.frame.z.dot(sun));
-    if high <= 0.0 {
-        return 0.0;
+/// An emitter's target, with the watts of the timestep up to and with it.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Aim {
+    pub emitter: usize,
+    pub target: Target,
+    upto_w: f64,
+}
+
+impl Sources<'_> {
+    /// The targets of all emitters for one timestep, in order.
+    fn aims(&self, step: usize) -> Vec<Aim> {
+        let at = &self.timeline.steps[step];
+        let irradiance_w_m2 = at.irradiance_w_m2.max(0.0);
+        let mut out = Vec::new();
+        let mut sum = 0.0;
+        if irradiance_w_m2 <= 0.0 {
+            return out;
+        }
+        for (number, emitter) in self.emitters.iter().enumerate() {
+            let from = self.cone(emitter, at.sun);
+            if from.heights().1 <= 0.0 {
+                continue;
+            }
+            let horizon = self.horizons[number].as_ref();
+            let ground = &self.grounds[number];
+            for target in aim::targets(emitter, ground, horizon, &from, self.budget) {
+                let watts = irradiance_w_m2 * emitter.area_m2 * target.weight();
+                if watts > 0.0 {
+                    sum += watts;
+                    out.push(Aim { emitter: number, target, upto_w: sum });
+                }
+            }
+        }
+        out
     }
-    high * emitter.bsdf.bound_between(low, high) * (1.0 + 1e-9)
-}
 
-fn share_w(emitter: &Emitter, disc: &Disc, step: &Timestep) -> (f64, f64) {
-    let peak = peak(emitter, disc, step.sun);
-    (peak, step.irradiance_w_m2.max(0.0) * emitter.area_m2 * peak)
+    /// The sun's disc as seen from an emitter.
+    fn cone(&self, emitter: &Emitter, sun: DVec3) -> Cone {
+        self.disc.cone(emitter.frame.local_from_world(sun))
+    }
 }
 
 impl Power {
-    pub(super) fn of(emitters: &[Emitter], disc: &Disc, timeline: &Timeline) -> Self {
-        let watts: Vec<f64> = timeline
-            .steps
-            .par_iter()
-            .map(|step| emitters.iter().map(|e| share_w(e, disc, step).1).sum())
+    pub(super) fn of(sources: &Sources, yields: &[Yields]) -> Self {
+        let steps: Vec<(f64, [f64; 2])> = (0..sources.timeline.steps.len())
+            .into_par_iter()
+            .map(|step| {
+                let watts = sources.aims(step).last().map_or(0.0, |a| a.upto_w);
+                let at = &sources.timeline.steps[step];
+                let mut sums = [0.0; 2];
+                for (emitter, yields) in sources.emitters.iter().zip(yields) {
+                    let watts = at.irradiance_w_m2.max(0.0) * emitter.area_m2;
+                    let shares = yields.over(emitter, &sources.disc, at.sun);
+                    sums[0] += watts * shares[0];
+                    sums[1] += watts * shares[1];
+                }
+                (watts, sums)
+            })
             .collect();
-        let mut before_w = Vec::with_capacity(watts.len() + 1);
-        let mut sum = 0.0;
+        let mut before_w = Vec::with_capacity(steps.len() + 1);
+        let (mut sum, mut falls_w, mut scatters_w) = (0.0, 0.0, 0.0);
         before_w.push(sum);
-        for w in &watts {
-            sum += w;
+        for (watts, [falls, scatters]) in &steps {
+            sum += watts;
+            falls_w += falls;
+            scatters_w += scatters;
             before_w.push(sum);
         }
-        let last = watts.iter().rposition(|&w| w > 0.0).unwrap_or(0);
-        Self { before_w, last }
+        let last = steps.iter().rposition(|s| s.0 > 0.0).unwrap_or(0);
+        Self { before_w, last, falls_w, scatters_w }
     }
 
-    /// Watts of all.
+    /// Watts of all that photons are drawn from.
     pub(super) fn total_w(&self) -> f64 {
         self.before_w[self.before_w.len() - 1]
     }
@@ -87,30 +145,28 @@ impl Power {
 }
 
 impl Shares {
-    pub(super) fn of(emitters: &[Emitter], disc: &Disc, timeline: &Timeline, step: usize) -> Self {
-        let at = &timeline.steps[step];
-        let mut sum = 0.0;
-        let lit = emitters
-            .iter()
-            .enumerate()
-            .filter_map(|(i, emitter)| {
-                let (peak, watts) = share_w(emitter, disc, at);
-                sum += watts;
-                (watts > 0.0).then_some((i, peak, sum))
-            })
-            .collect();
-        Self { step, sun: Frame::around(at.sun), lit }
+    pub(super) fn of(sources: &Sources, step: usize) -> Self {
+        let sun = Frame::around(sources.timeline.steps[step].sun);
+        Self { step, sun, aims: sources.aims(step) }
     }
 
-    /// The emitter at a position inside the timestep, in watts, with its bound g.
+    #[cfg(test)]
+    pub(super) fn aims(&self) -> &[Aim] {
+        &self.aims
+    }
+
+    /// What lies at a position inside the timestep, in watts; `near` is where the last one was
+    /// found, and is moved.
     #[inline]
-    pub(super) fn at(&self, within_w: f64) -> Option<(usize, f64)> {
-        let i = if self.lit.len() < 16 {
-            self.lit.iter().take_while(|l| l.2 <= within_w).count()
-        } else {
-            self.lit.partition_point(|l| l.2 <= within_w)
-        };
+    pub(super) fn at(&self, within_w: f64, near: &mut usize) -> Option<&Aim> {
+        let found = |i: usize| self.aims.get(i).is_none_or(|a| a.upto_w > within_w);
+        if !found(*near) {
+            *near += 1;
+            if !found(*near) {
+                *near += self.aims[*near..].partition_point(|a| a.upto_w <= within_w);
+            }
+        }
         // Past the end by rounding: the last one.
-        self.lit.get(i).or(self.lit.last()).map(|&(emitter, peak, _)| (emitter, peak))
+        self.aims.get(*near).or(self.aims.last())
     }
 }

@@ -31,7 +31,7 @@ fn table_3_has_the_papers_number_of_suns() {
 fn every_command_has_help_with_an_example() {
     for command in [
         "demo", "new", "run", "plan", "check", "probe", "suns", "convert", "inspect", "verify",
-        "clean", "report", "bsdf", "clean", "report", "mirror",
+        "clean", "report", "bsdf", "mirror", "trace",
     ] {
         let said = succeed(&[command, "--help"]);
         assert!(said.out.contains("Example"), "{command} --help shows no example");

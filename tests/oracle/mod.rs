@@ -4,6 +4,7 @@ mod bsdf;
 mod direct;
 mod glare;
 mod mirror;
+mod photons;
 mod picture;
 mod scenes;
 mod sky;

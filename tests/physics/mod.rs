@@ -9,5 +9,5 @@ mod case_study;
 mod case_study_photons;
 mod direct;
 mod render;
-mod trace;
+pub mod trace;
 mod weather;

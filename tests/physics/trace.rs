@@ -11,10 +11,10 @@ use glintmap::site::{Bvh, Face, Material, Object, PvSurface, Site, Triangle};
 use glintmap::trace::{Emission, Error, Plan, Receivers, Settings, plan, run};
 
 /// A scene made quad by quad.
-struct Scene(Site);
+pub struct Scene(Site);
 
 impl Scene {
-    fn new() -> Self {
+    pub fn new() -> Self {
         let material =
             |name: &str, diffuse| Material { name: name.into(), reflectance: [0.25; 3], diffuse };
         Self(Site {
@@ -39,7 +39,7 @@ impl Scene {
         }
     }
 
-    fn quad(mut self, corners: [[f32; 3]; 4]) -> Self {
+    pub fn quad(mut self, corners: [[f32; 3]; 4]) -> Self {
         self.add(corners, 0, None);
         self
     }
@@ -50,7 +50,7 @@ impl Scene {
     }
 
     /// A rectangle of PV, its front where the corners run counter-clockwise.
-    fn pv(mut self, corners: [[f32; 3]; 4], two_sided: bool) -> Self {
+    pub fn pv(mut self, corners: [[f32; 3]; 4], two_sided: bool) -> Self {
         let number = self.0.pv.len() as u16;
         let first = self.0.triangles.len() as u32;
         self.add(corners, 1, Some(number));
@@ -67,28 +67,28 @@ impl Scene {
         self
     }
 
-    fn site(mut self) -> Site {
+    pub fn site(mut self) -> Site {
         self.0.bounds = Aabb::around(self.0.triangles.iter().flat_map(|t| t.corners));
         self.0.bvh = Bvh::build(&self.0.triangles);
         self.0
     }
 }
 
-fn horizontal(x: [f32; 2], y: [f32; 2], z: f32) -> [[f32; 3]; 4] {
+pub fn horizontal(x: [f32; 2], y: [f32; 2], z: f32) -> [[f32; 3]; 4] {
     [[x[0], y[0], z], [x[1], y[0], z], [x[1], y[1], z], [x[0], y[1], z]]
 }
 
 /// A wall across the x axis.
-fn wall(x: f32, y: [f32; 2], z: [f32; 2]) -> [[f32; 3]; 4] {
+pub fn wall(x: f32, y: [f32; 2], z: [f32; 2]) -> [[f32; 3]; 4] {
     [[x, y[0], z[0]], [x, y[1], z[0]], [x, y[1], z[1]], [x, y[0], z[1]]]
 }
 
-fn sun(azimuth_deg: f64, elevation_deg: f64) -> DVec3 {
+pub fn sun(azimuth_deg: f64, elevation_deg: f64) -> DVec3 {
     let (a, e) = (azimuth_deg.to_radians(), elevation_deg.to_radians());
     DVec3::new(libm::sin(a) * libm::cos(e), libm::cos(a) * libm::cos(e), libm::sin(e))
 }
 
-fn timeline(suns: &[(DVec3, f64)]) -> Timeline {
+pub fn timeline(suns: &[(DVec3, f64)]) -> Timeline {
     let steps = suns.iter().enumerate().map(|(i, &(sun, irradiance_w_m2))| Timestep {
         day: 0,
         hour: i as f64,
@@ -107,7 +107,7 @@ fn timeline(suns: &[(DVec3, f64)]) -> Timeline {
     }
 }
 
-fn bsdf(model: Model) -> Bsdf {
+pub fn bsdf(model: Model) -> Bsdf {
     Bsdf::from_model(&model).expect("valid")
 }
 
@@ -121,11 +121,11 @@ impl PhotonSink for Kept {
     }
 }
 
-fn settings(stored: u64) -> Settings {
+pub fn settings(stored: u64) -> Settings {
     Settings { stored, max_path_m: 100.0, seed: 1, sun_visibility: true, receivers: Receivers::All }
 }
 
-fn trace(emission: &Emission) -> (Plan, Vec<Photon>, Tally) {
+pub fn trace(emission: &Emission) -> (Plan, Vec<Photon>, Tally) {
     let plan = plan(emission, &Silent).expect("pilot");
     let mut kept = Kept::default();
     let tally = run(emission, &plan, &mut kept, &Silent).expect("run");

@@ -5,4 +5,5 @@ mod fused;
 mod house;
 mod maps;
 mod memory;
+mod photons;
 mod shards;

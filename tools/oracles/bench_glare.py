@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """The glare analysis against SciPy and cc3d, in one run, on one core each.
 
-    bench_glare.py GLINTMAP [--shape 64 1000 1000] [--repeat 3] [--sparse]
+    bench_glare.py GLINTMAP [--shape 192 1000 1000] [--repeat 3] [--full] [--sparse] [--memory] [--no-dense]
 
 GLINTMAP is a release build of the program. Times are the CPU's (user and system), so that other
 programs on the machine matter less; the best of several repeats counts. The volume is read from
@@ -14,7 +14,10 @@ the page cache by glintmap, and lies in memory for SciPy and cc3d, which is to t
    some per cent lie above the threshold, and 30 % of independent noise.
 3. --sparse: a volume in Zarr of 1,280 x 1,000 x 4,000 (20 GB dense), where 1 % of the chunks hold
    blobs: wall clock, with both cores. It is written as a Zarr file of another program.
-4. --memory: the highest RssAnon for 200 to 20,000 timesteps with 4 million pixels, 1 % lit.
+4. --full: the same size, every chunk full of noise (4 GB on disk): wall clock, with both cores.
+   --size 640 500 2000 takes an eighth of it.
+5. --memory: the highest RssAnon with 4 million pixels, for 200 timesteps of which every chunk is
+   lit, and for 2,000 and 20,000 of which 1 % are.
 """
 import argparse
 import os
@@ -129,18 +132,50 @@ def write_zarr(path, shape, share, seed):
         array[:, y:y + 32, x:x + 32] = tile
 
 
+def write_full(path, shape):
+    """A volume in the layout of glintmap, all of it noise of whole numbers: a few tiles are written
+    with zarr, the files of the others are copies of theirs."""
+    import zarr
+    timesteps, rows, columns = shape
+    group = zarr.create_group(store=str(path), zarr_format=3)
+    array = group.create_array(
+        "irradiance", shape=shape, dtype="float32", chunks=(16, 32, 32), shards=(-(-timesteps // 16) * 16, 32, 32),
+        fill_value=0.0, dimension_names=("timestep", "row", "column"),
+        compressors=zarr.codecs.ZstdCodec(level=1))
+    random = np.random.default_rng(6)
+    for column in range(8):
+        array[:, :32, column * 32:column * 32 + 32] = random.integers(21, size=(timesteps, 32, 32)).astype("f4")
+    shards = path / "irradiance" / "c" / "0"
+    for row in range(-(-rows // 32)):
+        (shards / str(row)).mkdir(exist_ok=True)
+        for column in range(-(-columns // 32)):
+            if row or column >= 8:
+                shutil.copyfile(shards / "0" / str((row * 3 + column) % 8), shards / str(row) / str(column))
+
+
+def full(options, folder):
+    shape = tuple(options.size)
+    path = folder / "full.zarr"
+    write_full(path, shape)
+    cpu, wall, peak = run(options.glintmap, path, folder / "out", ["--threshold", "10.8"], threads=2)
+    print(f"{shape}, all of it lit ({np.prod(shape) * 4 / 1e9:.1f} GB): {wall:.1f} s ({cpu:.1f} s of CPU), {peak:.0f} MiB")
+
+
 def sparse(options, folder):
     path = folder / "sparse.zarr"
-    write_zarr(path, (1280, 1000, 4000), 0.01, 3)
+    write_zarr(path, tuple(options.size), 0.01, 3)
     cpu, wall, peak = run(options.glintmap, path, folder / "out", ["--threshold", "10"], threads=2)
-    print(f"1,280 x 1,000 x 4,000, 1 % of the chunks lit: {wall:.1f} s ({cpu:.1f} s of CPU), {peak:.0f} MiB")
+    print(f"{tuple(options.size)}, 1 % of the chunks lit: {wall:.1f} s ({cpu:.1f} s of CPU), {peak:.0f} MiB")
 
 
 def memory(options, folder):
     for timesteps in options.lengths:
         path = folder / f"memory-{timesteps}.zarr"
-        write_zarr(path, (timesteps, 2000, 2000), 0.01, 4)
-        cpu, wall, peak = run(options.glintmap, path, folder / "out", ["--threshold", "10"], threads=2)
+        if timesteps <= 200:
+            write_full(path, (timesteps, 2000, 2000))
+        else:
+            write_zarr(path, (timesteps, 2000, 2000), 0.01, 4)
+        cpu, wall, peak = run(options.glintmap, path, folder / "out", ["--threshold", "10.8"], threads=2)
         print(f"{timesteps} timesteps of 4 million pixels: {peak:.0f} MiB anonymous, {wall:.1f} s ({cpu:.1f} s of CPU)")
         shutil.rmtree(path)
 
@@ -148,9 +183,11 @@ def memory(options, folder):
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("glintmap")
-    parser.add_argument("--shape", type=int, nargs=3, default=[64, 1000, 1000])
+    parser.add_argument("--shape", type=int, nargs=3, default=[192, 1000, 1000])
     parser.add_argument("--repeat", type=int, default=3)
     parser.add_argument("--sparse", action="store_true")
+    parser.add_argument("--full", action="store_true")
+    parser.add_argument("--size", type=int, nargs=3, default=[1280, 1000, 4000], help="for --full and --sparse")
     parser.add_argument("--memory", action="store_true")
     parser.add_argument("--lengths", type=int, nargs="+", default=[200, 2000, 20000], help="for --memory")
     parser.add_argument("--no-dense", action="store_true")
@@ -159,6 +196,8 @@ def main():
         folder = pathlib.Path(folder)
         if not options.no_dense:
             dense(options, folder)
+        if options.full:
+            full(options, folder)
         if options.sparse:
             sparse(options, folder)
         if options.memory:

@@ -20,7 +20,7 @@ mod year;
 pub(super) use glare::glare;
 pub use judged::Judgement;
 pub(super) use judged::read as read_judgements;
-pub(super) use photons::{pages, trace};
+pub(super) use photons::{Traced, pages, trace};
 pub(super) use pictures::{key as pictures_key, pictures};
 pub(super) use receivers::{check as check_receivers, received_unit};
 pub(super) use render::render;

@@ -14,7 +14,7 @@ use crate::run::job::{Job, Stage};
 use crate::run::manifest::key_of;
 use crate::run::resolve::Candidate;
 use crate::run::{Error, Shard};
-use crate::trace::{self, Emission, Plan, UnitSink};
+use crate::trace::{self, Emission, Plan, Tracer, UnitSink};
 
 /// Tracing that a killed run loses at most, beside the unit that it was in.
 const CHECKPOINT_EVERY: Duration = Duration::from_secs(10);
@@ -164,6 +164,7 @@ fn fill(
     let accept = |note: &str| !forced && read(note).is_some_and(|done| done.fits(key, shard));
     let resumed = Spill::resume(spill, site.bounds, expected, memory, accept)?;
     let resumed = resumed.and_then(|(spill, note)| Some((spill, read(&note)?)));
+    let tracer = Tracer::new(&emission)?;
     let mut keeper = match resumed {
         Some((spill, done)) => {
             let (have, all) = (done.units.len(), done.plan.units());
@@ -173,7 +174,7 @@ fn fill(
         None => {
             let new = Spill::create(spill, site.bounds, expected, memory)?;
             job.progress.say(&format!("{}: pilot", candidate.name));
-            let plan = trace::plan(&emission, job.progress)?;
+            let plan = tracer.plan(job.progress)?;
             let done = Done { key: key.to_owned(), shard, plan, units: Vec::new() };
             Keeper { spill: new, done, sealed: None }
         }
@@ -183,7 +184,7 @@ fn fill(
         .filter(|&unit| shard.is_none_or(|s| s.has(unit)))
         .filter(|unit| keeper.done.units.iter().all(|(have, _)| have != unit))
         .collect();
-    trace::run_units(&emission, &plan, &missing, &mut keeper, job.progress)?;
+    tracer.run_units(&plan, &missing, &mut keeper, job.progress)?;
     keeper.seal().map_err(trace::Error::from)?;
     keeper.spill.finish()?;
     Ok(keeper.done)

@@ -199,8 +199,9 @@ fn series_gather(job: &Job<'_>, view: &PlannedView) -> Result<Gather, Error> {
     Ok(Gather { bandwidth, ..view.annual })
 }
 
+/// A key, and what files say of their making beside it.
+type About<'a> = (&'a str, &'a [(&'a str, &'a str)]);
 type MadeFrom<'a> = (&'a Store, Option<&'a Surfaces<'a>>, &'a HitMap);
-type KeyAndAbout<'a> = (&'a str, &'a [(&'a str, &'a str)]);
 
 /// Writes the series, and the peak of it.
 fn written(
@@ -208,7 +209,7 @@ fn written(
     (store, surfaces, hits): MadeFrom<'_>,
     candidate: &Candidate,
     view: &PlannedView,
-    (about, quantity): (KeyAndAbout<'_>, Quantity),
+    (about, quantity): (About<'_>, Quantity),
     outputs: &mut Vec<PathBuf>,
 ) -> Result<(Series, serde_json::Value), Error> {
     let gather = series_gather(job, view)?;
@@ -305,7 +306,7 @@ pub(super) fn peak(
     job: &Job<'_>,
     candidate: &Candidate,
     view: &PlannedView,
-    (key, about): KeyAndAbout<'_>,
+    (key, about): About<'_>,
     quantity: Quantity,
 ) -> Result<PathBuf, Error> {
     let (series, map) = names(job, quantity);

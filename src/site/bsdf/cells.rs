@@ -87,7 +87,6 @@ impl Cells {
 
     /// Takes the means of `value(from, to)`; `shares` are what is scattered in all and into a
     /// delta lobe.
-    #[expect(clippy::type_complexity, reason = "two closures and no more")]
     pub(super) fn sampled(
         rank: usize,
         resolution: u32,
@@ -106,7 +105,9 @@ impl Cells {
             if rank == 3 && index >= edge / 2 {
                 break;
             }
-            let from = incident_directions(rank, index, edge, closeness.incident);
+            // Towards grazing incidence reflectances rise steeply.
+            let grazing = if rank == 3 && index == 0 { 4 } else { 1 };
+            let from = incident_directions(rank, index, edge, grazing * closeness.incident);
             let weight = 1.0 / from.len() as f64;
             sums.fill(0.0);
             let mut scattered = 0.0;
@@ -144,7 +145,7 @@ impl Cells {
         let sin = libm::sin(polar_deg.to_radians()).min(1.0);
         let place = |x: f64| ((x * edge as f64) as usize).min(edge - 1);
         let row = if self.rank == 3 {
-            place(0.5 - 0.5 * sin - 1e-9)
+            place((0.5 - 1e-7 - 0.5 * sin).max(0.0))
         } else {
             let [x, y] = square_from_disk([sin, 0.0]);
             place(x) * edge + place(y)
@@ -160,7 +161,9 @@ impl Cells {
     /// Polar angles that share the incident cell of one, degrees (rank 3).
     pub(super) fn incident_span_deg(&self, polar_deg: f64) -> (f64, f64) {
         let half = f64::from(1_u32 << self.resolution) / 2.0;
-        let ring = (libm::sin(polar_deg.to_radians()) * half).floor().min(half - 1.0);
+        // Borders belong to the outer ring, as where trees are read.
+        let sin = libm::sin(polar_deg.to_radians()) + 2e-7;
+        let ring = (sin * half).floor().min(half - 1.0);
         let angle = |r: f64| libm::asin((r / half).min(1.0)).to_degrees();
         (angle(ring), angle(ring + 1.0))
     }

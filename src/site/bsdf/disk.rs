@@ -25,6 +25,41 @@ pub(super) fn disk_from_square(square: [f64; 2]) -> [f64; 2] {
     [radius * cos, radius * sin]
 }
 
+/// Radii and azimuths (turns) that a part of the square from `low` to `high` spans. The part is
+/// the whole or lies in one quadrant, as halving gives them.
+///
+/// In a quadrant the radius is the larger of the distances from the middle along both axes, and
+/// the azimuth grows with one of the coordinates and shrinks with the other, so that its ends lie
+/// at corners.
+pub(super) fn polar_range(low: [f64; 2], high: [f64; 2]) -> ([f64; 2], [f64; 2]) {
+    let along = |i: usize| {
+        let (a, b) = (2.0 * low[i] - 1.0, 2.0 * high[i] - 1.0);
+        let near = if a < 0.0 && b > 0.0 { 0.0 } else { a.abs().min(b.abs()) };
+        (near, a.abs().max(b.abs()))
+    };
+    let (x, y) = (along(0), along(1));
+    let radii = [x.0.max(y.0), x.1.max(y.1)];
+    let quadrant = match (low[0] >= 0.5, low[1] >= 0.5) {
+        _ if high[0] - low[0] > 0.5 => return (radii, [0.0, 1.0]),
+        (true, true) => 0.0,
+        (false, true) => 0.25,
+        (false, false) => 0.5,
+        (true, false) => 0.75,
+    };
+    let mut turns = [quadrant + 0.25, quadrant];
+    for corner in [low, [low[0], high[1]], [high[0], low[1]], high] {
+        let [px, py] = disk_from_square(corner);
+        if px == 0.0 && py == 0.0 {
+            return (radii, [quadrant, quadrant + 0.25]);
+        }
+        let at = libm::atan2(py, px) / (2.0 * PI);
+        // The azimuth nearest to the quadrant's middle: -0 and 1 are the same.
+        let at = at + libm::round(quadrant + 0.125 - at);
+        turns = [turns[0].min(at), turns[1].max(at)];
+    }
+    (radii, [turns[0] - 1e-12, turns[1] + 1e-12])
+}
+
 /// Point of the square at a point of the unit disc.
 #[inline]
 pub(super) fn square_from_disk(disk: [f64; 2]) -> [f64; 2] {
@@ -61,6 +96,24 @@ mod tests {
                 for k in 0..2 {
                     assert!((back[k] - square[k]).abs() < 1e-12, "{square:?} {back:?}");
                 }
+            }
+        }
+        for i in 0..85 {
+            // The squares of the first levels.
+            let level = [0, 1, 5, 21].iter().rposition(|&first| i >= first).unwrap_or(0);
+            let (wide, n) = (1 << level, i - [0, 1, 5, 21][level]);
+            let edge = 1.0 / f64::from(wide);
+            let low = [f64::from(n % wide) * edge, f64::from(n / wide) * edge];
+            let (radii, turns) = polar_range(low, low.map(|c| c + edge));
+            for j in 0..400 {
+                let at = [f64::from(j % 20) / 19.0, f64::from(j / 20) / 19.0];
+                let p = disk_from_square([low[0] + at[0] * edge, low[1] + at[1] * edge]);
+                let radius = p[0].hypot(p[1]);
+                assert!(radius >= radii[0] - 1e-9 && radius <= radii[1] + 1e-9);
+                let turn = libm::atan2(p[1], p[0]) / (2.0 * PI);
+                let off = turn - turns[0] - libm::floor(turn - turns[0] + 1e-9);
+                let wide = turns[1] - turns[0];
+                assert!(radius < 1e-9 || off <= wide + 1e-9, "{low:?} level {level}: {p:?}");
             }
         }
         assert_eq!(square_from_disk([1.0, 0.0]), [1.0, 0.5]);

@@ -14,8 +14,10 @@ use crate::base::Stream;
 /// (or a delta lobe `R(i)` where smooth) over a reciprocal ground.
 ///
 /// Glass: `a = 1 - R`, `k = cell / (1 - mean R)`: what enters, and a share `cell` of it comes out
-/// again, as of `PvGlass`. What a photon would do that meets a second facet is left out: at
-/// most 1 % of the reflected light, 3 % at alpha 0.28 and 85 degrees (a test walks it).
+/// again, as of `PvGlass`. What a photon would do that meets a second facet is left out. A test
+/// walks it: with alpha 0.05 the reflected light is 0.6 % too low at 60 degrees, 1.6 % at 75, 7 %
+/// at 85 (44.5 instead of 47.7 % of the incident light); with alpha 0.28 2.5 % at 10 degrees, 8 % at
+/// 75 (11.0 instead of 11.9 %), 4 % at 85. What is missing has no narrow lobe.
 ///
 /// Metal: facets send most light on to the next one, so `a = 1 - E` with E the single
 /// scattering's share (R = 1), and `k` after Kulla and Conty 2017 ("Revisiting physically based

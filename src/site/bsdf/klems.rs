@@ -2,7 +2,7 @@ use std::f64::consts::{PI, TAU};
 
 use glam::DVec3;
 
-use super::on_circle;
+use super::{Cone, on_circle};
 use crate::base::Stream;
 
 /// One ring of a Klems basis: patches between two polar angles.
@@ -141,6 +141,25 @@ impl KlemsBasis {
         DVec3::new(radius * cos, radius * sin, cos2.max(0.0).sqrt())
     }
 
+    /// Calls `each` for every patch that may touch a range of squared sines and one of azimuths.
+    fn patches_touching(&self, sin2: [f64; 2], turns: [f64; 2], mut each: impl FnMut(usize)) {
+        let slack = 1e-9;
+        let middle = 0.5 * (turns[0] + turns[1]);
+        let half = 0.5 * (turns[1] - turns[0]);
+        for (ring, r) in self.rings.iter().enumerate() {
+            let (from, to) = (1.0 - self.cos2[ring], 1.0 - self.cos2[ring + 1]);
+            if from > sin2[1] + slack || to < sin2[0] - slack {
+                continue;
+            }
+            for patch in 0..r.patches {
+                let off = (patch as f64 / r.patches as f64 - middle).rem_euclid(1.0);
+                if off.min(1.0 - off) <= half + 0.5 / r.patches as f64 + slack {
+                    each(self.first[ring] + patch);
+                }
+            }
+        }
+    }
+
     /// Middle of a patch (by its polar angles), degrees of polar angle and azimuth.
     pub fn middle_deg(&self, patch: usize) -> (f64, f64) {
         let ring = self.ring_of(patch);
@@ -263,6 +282,19 @@ impl Matrix {
                 most = (first..first + r.patches).fold(most, |m, i| m.max(self.total(i)));
             }
         }
+        most
+    }
+
+    /// Largest value, 1/sr, for light from a cone into a range of squared sines and azimuths.
+    pub(super) fn most_within(&self, sin2: [f64; 2], turns: [f64; 2], from: &Cone) -> f64 {
+        let (low, high) = from.radii();
+        // Patches hold light by where it travels to.
+        let (centre, spread) = from.about(-from.axis).turns();
+        let mut most = 0.0_f64;
+        let incident = [centre - spread, centre + spread];
+        self.incident.patches_touching([low * low, high * high], incident, |i| {
+            self.outgoing.patches_touching(sin2, turns, |o| most = most.max(self.value(i, o)));
+        });
         most
     }
 

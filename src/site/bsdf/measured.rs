@@ -28,7 +28,7 @@ impl Measured {
     }
 
     #[inline]
-    fn turned(&self, v: DVec3) -> DVec3 {
+    pub(super) fn turned(&self, v: DVec3) -> DVec3 {
         if self.mirrored { DVec3::new(-v.x, v.y, v.z) } else { v }
     }
 

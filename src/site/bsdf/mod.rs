@@ -11,7 +11,10 @@
 
 mod account;
 mod cells;
+mod chart;
 mod circle;
+mod cone;
+mod content;
 mod curve;
 mod disk;
 mod facets;
@@ -35,7 +38,11 @@ mod tree;
 mod write;
 
 pub use account::{Account, Row};
+#[cfg(test)]
+pub(crate) use chart::samples;
+pub use chart::{Chart, Square};
 pub use circle::{on_circle, on_hemisphere};
+pub use cone::Cone;
 pub use facets::Facets;
 pub use file::{Block, BsdfFile, Side, Spectrum, Table, Way};
 pub use fresnel::reflectance as fresnel_reflectance;

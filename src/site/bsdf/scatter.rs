@@ -45,12 +45,12 @@ pub enum Bsdf {
 /// leaves it; with rho up to 0.9 the sum stays below 1 (a test holds it).
 #[derive(Clone, Debug, PartialEq)]
 pub struct PvGlass {
-    index: f64,
-    ggx: Ggx,
+    pub(super) index: f64,
+    pub(super) ggx: Ggx,
     /// rho.
     cell: f64,
     /// rho / (1 - Fm).
-    diffuse: f64,
+    pub(super) diffuse: f64,
     /// 1 - F at normal incidence: the most that leaves the glass.
     out_most: f64,
 }

@@ -1,6 +1,7 @@
 use glam::DVec3;
 
-use super::disk::{disk_from_square, square_from_disk};
+use super::Cone;
+use super::disk::{disk_from_square, polar_range, square_from_disk};
 use crate::base::Stream;
 
 /// Set in a number that is a value's, not a node's.
@@ -361,6 +362,130 @@ impl Tree {
         let [x, y] = disk_from_square([corner[0] + u * size, corner[1] + v * size]);
         let (cos, sin) = self.turn(from);
         DVec3::new(x * cos - y * sin, x * sin + y * cos, (1.0 - x * x - y * y).max(0.0).sqrt())
+    }
+
+    /// What `quarter`s of a square, from the whole on, lead to: a node that may be a larger leaf.
+    #[inline]
+    fn below(&self, mut node: u32, (level, x, y): (u8, u16, u16)) -> u32 {
+        for bit in (0..level).rev() {
+            if node & LEAF != 0 {
+                break;
+            }
+            let quarter = (x >> bit & 1) | (y >> bit & 1) << 1;
+            node = self.slices[node as usize].children[usize::from(quarter)];
+        }
+        node
+    }
+
+    /// Mean value below a node.
+    #[inline]
+    fn mean(&self, node: u32) -> f32 {
+        if node & LEAF != 0 {
+            self.values[(node & !LEAF) as usize]
+        } else {
+            self.slices[node as usize].cumulative[3]
+        }
+    }
+
+    /// For light from a direction, a direction in a part of the outgoing square (level, column,
+    /// row) and the part's mean value: two even numbers make directions in proportion to the
+    /// values, cell by cell, first the row, then the column.
+    #[inline]
+    pub(super) fn within(
+        &self,
+        from: DVec3,
+        part: (u8, u16, u16),
+        mut u: f64,
+        mut v: f64,
+    ) -> (DVec3, f64) {
+        let root = self.root(from);
+        let mut node = self.below(root.node, part);
+        let value = f64::from(self.mean(node)) * f64::from(root.scale);
+        let mut size = 1.0 / f64::from(1_u32 << part.0);
+        let mut corner = [f64::from(part.1) * size, f64::from(part.2) * size];
+        while node & LEAF == 0 {
+            let slice = &self.slices[node as usize];
+            let [a, ab, abc, abcd] = slice.cumulative.map(f64::from);
+            if abcd <= 0.0 {
+                break;
+            }
+            // One of two parts, and what is left of the number.
+            let choose = |at: f64, low: f64, both: f64| {
+                let at = at * both;
+                let (upper, part) =
+                    if at < low { (0, at / low) } else { (1, (at - low) / (both - low)) };
+                (upper, part.clamp(0.0, 1.0 - f64::EPSILON))
+            };
+            let (row, left) = choose(v, ab, abcd);
+            v = left;
+            let (column, left) =
+                if row == 0 { choose(u, a, ab) } else { choose(u, abc - ab, abcd - ab) };
+            u = left;
+            size *= 0.5;
+            corner[0] += f64::from(column) * size;
+            corner[1] += f64::from(row) * size;
+            node = slice.children[(column + 2 * row) as usize];
+        }
+        let [x, y] = disk_from_square([corner[0] + u * size, corner[1] + v * size]);
+        let (cos, sin) = self.turn(from);
+        let height = (1.0 - x * x - y * y).max(0.0).sqrt();
+        (DVec3::new(x * cos - y * sin, x * sin + y * cos, height), value)
+    }
+
+    /// A cone that holds the directions of a part of the outgoing square, for light from a cone.
+    pub(super) fn reach(&self, low: [f64; 2], high: [f64; 2], from: &Cone) -> Cone {
+        let (radii, turns) = polar_range(low, high);
+        if self.rank != 3 {
+            return Cone::of_patch(radii, turns);
+        }
+        let (centre, spread) = from.about(-from.axis).turns();
+        Cone::of_patch(radii, [turns[0] + centre - spread, turns[1] + centre + spread])
+    }
+
+    /// Largest mean value, 1/sr, of a part of the outgoing square (level, column, row) for light
+    /// from a cone.
+    pub(super) fn most_within(&self, part: (u8, u16, u16), from: &Cone) -> f64 {
+        let (low, high) = if self.rank == 3 {
+            let (near, far) = from.radii();
+            let at = |radius: f64| (0.5 - 1e-7 - 0.5 * radius).max(0.0);
+            ([at(far) - 1e-9, 0.0], [at(near) + 1e-9, 0.0])
+        } else {
+            // The square's coordinates change by less than 0.81 of the way in the disc.
+            let at = square_from_disk([-from.axis.x, -from.axis.y]);
+            (at.map(|c| c - 0.85 * from.angle_rad), at.map(|c| c + 0.85 * from.angle_rad))
+        };
+        let mut most = 0.0_f64;
+        self.each_root(self.incident_root, [0.0; 2], 1.0, (low, high), &mut |root| {
+            let mean = self.mean(self.below(root.node, part));
+            most = most.max(f64::from(mean) * f64::from(root.scale));
+        });
+        most
+    }
+
+    /// The slices of all incident cells that touch a box.
+    fn each_root(
+        &self,
+        node: u32,
+        corner: [f64; 2],
+        size: f64,
+        span: ([f64; 2], [f64; 2]),
+        each: &mut impl FnMut(&Root),
+    ) {
+        if node & LEAF != 0 {
+            return each(&self.roots[(node & !LEAF) as usize]);
+        }
+        let half = 0.5 * size;
+        for part in 0..1 << (self.rank - 2) {
+            let at = [
+                corner[0] + if part & 1 != 0 { half } else { 0.0 },
+                corner[1] + if part & 2 != 0 { half } else { 0.0 },
+            ];
+            let touches =
+                (0..self.rank - 2).all(|i| at[i] <= span.1[i] && at[i] + half >= span.0[i]);
+            if touches {
+                self.each_root(self.incident[node as usize][part], at, half, span, each);
+            }
+        }
     }
 
     /// Share of the light from a direction in its brightest cell among the finest ones: where a

@@ -134,7 +134,7 @@ pub fn write(bsdf: &Bsdf, name: &str, fineness: Fineness) -> Result<Written, Err
         _ => Closeness { incident: 4, deepest: 5 },
     };
     let cells = Cells::of(bsdf, rank, fineness.resolution, closeness);
-    Ok(file(cells, name, fineness.prune))
+    Ok(file(&cells, name, fineness.prune))
 }
 
 /// Goniophotometer data as a file: rank 3 where all light came in one plane, else 4.
@@ -148,7 +148,7 @@ pub fn write_points(data: &Goniophotometer, fineness: Fineness) -> Result<Writte
     let closeness = Closeness { incident: 1, deepest: 1 };
     let value = |from, to| surface.value(from, to);
     let cells = Cells::sampled(rank, fineness.resolution, closeness, &value, None);
-    Ok(file(cells, &data.name, fineness.prune))
+    Ok(file(&cells, &data.name, fineness.prune))
 }
 
 /// Extremes and mean of a node's cells.
@@ -282,8 +282,8 @@ fn escaped(text: &str) -> String {
     text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;")
 }
 
-fn file(cells: Cells, name: &str, prune: f64) -> Written {
-    let mut pruner = Pruner::new(&cells, prune);
+fn file(cells: &Cells, name: &str, prune: f64) -> Written {
+    let mut pruner = Pruner::new(cells, prune);
     pruner.node([0; 4], 0);
     let after = Cells { values: std::mem::take(&mut pruner.pruned), ..cells.clone() };
     let most = |row: &[f32]| row.iter().fold(0.0_f64, |m, &v| m.max(f64::from(v)));

@@ -56,9 +56,22 @@ pub(in crate::site) fn read(
     Some(reader.mesh)
 }
 
-/// Parses and validates. gltf 1.4.1 looks positions up while it validates their index: that one is
-/// checked before.
+/// Bytes of a GLB file's header: magic, version, length of the file.
+const GLB_HEADER_BYTES: u32 = 12;
+
+/// Parses and validates. gltf 1.4.1 looks positions up while it validates their index, and takes a
+/// GLB's length less its header's without a look: those are checked before.
 fn parse(bytes: &[u8]) -> Result<gltf::Gltf, String> {
+    if bytes.starts_with(b"glTF")
+        && let Some(length) = bytes.get(8..12).and_then(|b| b.try_into().ok())
+        && u32::from_le_bytes(length) < GLB_HEADER_BYTES
+    {
+        return Err(format!(
+            "its header claims {} bytes in all, it has {}",
+            u32::from_le_bytes(length),
+            bytes.len()
+        ));
+    }
     let words = |e: gltf::Error| e.to_string();
     let gltf::Gltf { document, blob } =
         gltf::Gltf::from_slice_without_validation(bytes).map_err(words)?;

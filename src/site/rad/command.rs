@@ -322,11 +322,11 @@ mod tests {
     #[test]
     fn arguments_from_a_file_are_an_array() {
         // As xform of Radiance names them.
-        let c = parsed("xform -t 0 0 9 -f list -i 1 -t 0 7 0 a.rad").unwrap();
+        let c = parsed("xform -f list -i 1 -t 0 7 0 a.rad").unwrap();
         let names: Vec<_> = c.copies.iter().map(|c| c.prefix.as_deref().unwrap()).collect();
         assert_eq!(names, ["i0", "k.1.0", "k.1.1"]);
         let p = c.copies[2].transform.point(DVec3::ZERO);
-        assert!((p - DVec3::new(2.0, 7.0, 9.0)).length() < 1e-12, "{p}");
+        assert!((p - DVec3::new(0.0, 9.0, 0.0)).length() < 1e-12, "{p}");
         assert!(parsed("xform -f self a.rad").unwrap_err().contains("name itself"));
     }
 

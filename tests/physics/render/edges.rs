@@ -85,19 +85,25 @@ fn rims_are_as_bright_as_the_middle() {
     let mut b = Builder::default();
     b.polygon("roof", &quad(vec3(-3.0, -3.0, 4.0), vec3(3.0, 3.0, 4.0)), false);
     let site = b.site();
-    let parts = [(vec3(-3.0, -3.0, 4.0), vec3(3.0, 3.0, 4.0), 3600)];
-    let rim = line(vec3(-2.0, -2.97, 4.0), vec3(2.0, -2.97, 4.0), 40);
-    let corner = line(vec3(2.8, 2.8, 4.0), vec3(2.97, 2.97, 4.0), 20);
+    let parts = [(vec3(-3.0, -3.0, 4.0), vec3(3.0, 3.0, 4.0), 14_400)];
+    // All four sides, all four corners: as many photons as possible for each seed.
+    let turned = |places: Vec<Vec3>| -> Vec<Vec3> {
+        let turn =
+            |p: &Vec3| [*p, vec3(-p.y, p.x, p.z), vec3(-p.x, -p.y, p.z), vec3(p.y, -p.x, p.z)];
+        places.iter().flat_map(turn).collect()
+    };
+    let rim = turned(line(vec3(-2.0, -2.98, 4.0), vec3(2.0, -2.98, 4.0), 40));
+    let corner = turned(line(vec3(2.9, 2.9, 4.0), vec3(2.98, 2.98, 4.0), 4));
     for kernel in [Kernel::Flat, Kernel::Epanechnikov] {
         let with = Gather { kernel, ..settings(100) };
-        let (at_rim, at_corner) =
-            (means(&site, &parts, &rim, &with, 100.0), means(&site, &parts, &corner, &with, 100.0));
+        let at_rim = means(&site, &parts, &rim, &with, 400.0);
+        let at_corner = means(&site, &parts, &corner, &with, 400.0);
+        // The noise of the means is 0.7 and 1.5 %.
         assert!((at_rim - 1.0).abs() < 0.02, "{kernel:?}: {at_rim}");
-        // Few photons in a quarter of a disc: 12 seeds of nearly one value each have 3 % noise.
-        assert!((at_corner - 1.0).abs() < 0.08, "{kernel:?}: {at_corner}");
+        assert!((at_corner - 1.0).abs() < 0.05, "{kernel:?}: {at_corner}");
     }
     let without = Gather { edges: false, ..settings(100) };
-    let dark = means(&site, &parts, &rim, &without, 100.0);
+    let dark = means(&site, &parts, &rim, &without, 400.0);
     assert!(dark < 0.65, "the check sees dark rims: {dark}");
 }
 
@@ -177,25 +183,19 @@ fn the_standard_error_is_what_seeds_differ_by() {
     let at: Vec<Vec3> = (0..49)
         .map(|i| vec3((i % 7) as f32 * 1.4 - 4.2, (i / 7) as f32 * 1.4 - 4.2, 0.0))
         .collect();
-    for kernel in [Kernel::Flat, Kernel::Epanechnikov] {
-        let settings = Gather { kernel, max_radius_m: Some(3.0), ..settings(200) };
-        let seeds = 64;
-        let parts = [(vec3(-5.0, -5.0, 0.0), vec3(5.0, 5.0, 0.0), 8000)];
-        let maps: Vec<Annual> = (0..seeds)
-            .map(|seed| gather(&site, &rain(&parts, 100 + seed), &at, &settings))
-            .collect();
-        let mut covered = 0;
-        for pixel in 0..at.len() {
-            let value = |m: &Annual| f64::from(m.surface.data()[pixel]);
-            let mean = maps.iter().map(value).sum::<f64>() / seeds as f64;
-            covered += maps
-                .iter()
-                .filter(|m| (value(m) - mean).abs() <= 1.96 * f64::from(m.error.data()[pixel]))
-                .count();
-        }
-        let share = covered as f64 / (seeds as usize * at.len()) as f64;
-        assert!((share - 0.95).abs() < 0.02, "{kernel:?}: {share}");
+    let (seeds, parts) = (64, [(vec3(-5.0, -5.0, 0.0), vec3(5.0, 5.0, 0.0), 4000)]);
+    let settings = Gather { max_radius_m: Some(3.0), ..settings(100) };
+    let maps: Vec<Annual> =
+        (0..seeds).map(|seed| gather(&site, &rain(&parts, 100 + seed), &at, &settings)).collect();
+    let mut covered = 0;
+    for pixel in 0..at.len() {
+        let value = |m: &Annual| f64::from(m.surface.data()[pixel]);
+        let mean = maps.iter().map(value).sum::<f64>() / seeds as f64;
+        let error = |m: &Annual| f64::from(m.error.data()[pixel]);
+        covered += maps.iter().filter(|m| (value(m) - mean).abs() <= 1.96 * error(m)).count();
     }
+    let share = covered as f64 / (seeds as usize * at.len()) as f64;
+    assert!((share - 0.95).abs() < 0.02, "{share}");
 }
 
 /// Four times the photons, half the noise.
@@ -208,7 +208,7 @@ fn noise_falls_with_the_root_of_the_photons() {
     let noise = |photons: usize, bandwidth: usize| {
         let parts = [(vec3(-5.0, -5.0, 0.0), vec3(5.0, 5.0, 0.0), photons)];
         let (mut sum, mut count) = (0.0, 0.0);
-        for seed in 0..48 {
+        for seed in 0..32 {
             let map = gather(&site, &rain(&parts, seed), &at, &settings(bandwidth));
             let truth = photons as f64 / 100.0;
             for v in map.surface.data() {

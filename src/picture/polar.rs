@@ -406,7 +406,7 @@ mod tests {
             let keep = tempfile::tempdir().unwrap();
             let path = keep.path().join("p.png");
             plot.write_png(&path).unwrap();
-            assert_eq!(png::read(&path).unwrap().0.columns(), 1640);
+            assert_eq!(png::read(&path).unwrap().0.columns(), (FINE * WIDTH) as usize);
         }
     }
 

@@ -160,8 +160,8 @@ mod tests {
             half_year: false,
         };
         let whole = timeline(&place, &spec).expect("suns");
-        // A tower in the south, from 170 to 190 degrees.
-        let tower = [[169.9, 0.0], [170.0, 89.0], [190.0, 89.0], [190.1, 0.0]];
+        // A tower in the south, from 150 to 210 degrees.
+        let tower = [[149.9, 0.0], [150.0, 89.0], [210.0, 89.0], [210.1, 0.0]];
         let cut = FarHorizon::from_points(&tower).expect("valid").cut(whole.clone()).expect("suns");
         assert!(cut.steps.len() < whole.steps.len());
         assert_eq!((whole.segments().len(), cut.segments().len()), (2, 4));

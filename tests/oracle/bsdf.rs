@@ -125,7 +125,9 @@ fn goniophotometer_data_that_pabopto2bsdf_takes_become_the_lobe_they_were_made_f
     for degrees in [10.0_f64, 30.0, 52.0, 70.0] {
         let from = DVec3::new(-degrees.to_radians().sin(), 0.0, degrees.to_radians().cos());
         let (seen, real) = (ours.reflectance(from), bsdf.reflectance(from));
-        assert!((seen / real - 1.0).abs() < 0.06, "{degrees}: {seen} of {real}");
+        // Between 60 and 75 degrees, where nothing was measured, Fresnel's rise is guessed.
+        let most = if degrees > 60.0 { 0.08 } else { 0.04 };
+        assert!((seen / real - 1.0).abs() < most, "{degrees}: {seen} of {real}");
         let (lobe, real) = (ours.lobe(degrees), bsdf.lobe(degrees));
         assert!((lobe.peak_deg - real.peak_deg).abs() < 12.0, "{degrees}: {lobe:?} {real:?}");
     }

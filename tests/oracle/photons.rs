@@ -37,7 +37,7 @@ fn run(radiance: &Path, folder: &Path, command: &[&str]) -> Vec<u8> {
 }
 
 /// Cells of the scene, m: ground and walls fall into different ones.
-const CELL_M: f64 = 4.0;
+const CELL_M: f64 = 0.75;
 
 type Cells = BTreeMap<[i32; 3], [f64; 2]>;
 
@@ -46,7 +46,8 @@ fn add(cells: &mut Cells, [x, y, z]: [f64; 3], flux: f64) {
     let ground = z < 0.01;
     let cell = |v: f64| libm::floor(v / CELL_M) as i32;
     // A wall's photons lie on its plane, to the left or right of it by rounding.
-    let key = if ground { [cell(x), cell(y), -1] } else { [cell(x + 1.0), cell(y), cell(z)] };
+    let key =
+        if ground { [cell(x), cell(y), -1] } else { [cell(x + 0.5 * CELL_M), cell(y), cell(z)] };
     let sums = cells.entry(key).or_default();
     sums[0] += flux;
     sums[1] += flux * flux;

@@ -19,7 +19,11 @@ pub struct Coating {
 /// Airy's sum of all reflections inside the film, by polarisation (Born and Wolf, "Principles of
 /// Optics", section 1.6.4, equations 57 to 60). `cos` is the incident cosine.
 pub fn film_reflectance(cos: f64, index: f64, film: Coating, wavelength_nm: f64) -> f64 {
-    let cos = cos.clamp(0.0, 1.0);
+    if cos <= 0.0 {
+        // Grazing light is reflected whole, whatever lies below.
+        return 1.0;
+    }
+    let cos = cos.min(1.0);
     let sin2 = 1.0 - cos * cos;
     let inside = |n: f64| (1.0 - sin2 / (n * n)).max(0.0).sqrt();
     let (cos_film, cos_glass) = (inside(film.index), inside(index));

@@ -202,7 +202,9 @@ fn processor_s() -> f64 {
     (ticks(11) + ticks(12)) / 100.0
 }
 
-/// Scattering alone, Lambertian and a file of 12 MB in turn; `tools/bench/scatter.sh` runs it.
+/// What a photon costs, Lambertian and a file of 12 MB in turn: a ray to the sun, a draw, a ray
+/// through a village. The rays are the same ones for both, so that only the draws differ.
+/// `tools/bench/scatter.sh` runs it.
 #[test]
 #[ignore = "a measurement"]
 fn what_scattering_costs() {
@@ -217,25 +219,40 @@ fn what_scattering_costs() {
         written.values,
         processor_s() - start
     );
-    const DRAWS: u64 = 4_000_000;
+    const DRAWS: u64 = 2_000_000;
+    let village = super::trace::village();
     for round in 0..3 {
-        let cost = |bsdf: &Bsdf| {
+        let cost = |bsdf: &Bsdf, rays: bool| {
             let start = processor_s();
-            let mut sum = DVec3::ZERO;
+            let (mut sum, mut hits) = (DVec3::ZERO, 0u64);
             for n in 0..DRAWS {
                 let mut random = Stream::new(1, Purpose::Photon, n);
                 let from = from_small(&mut random);
+                if rays {
+                    let place = [-10.0, 0.0].map(|low| low + 10.0 * random.uniform());
+                    let at = DVec3::new(place[0], place[1], 13.5).as_vec3();
+                    hits += u64::from(village.bvh.occluded(at, from.as_vec3(), 0.0, 1e3));
+                    let down = DVec3::new(-from.x, random.uniform() - 0.5, -from.z);
+                    let down = down.normalize().as_vec3();
+                    hits += u64::from(village.bvh.closest(at, down, 0.3, 100.0).is_some());
+                }
                 if let Some(s) = bsdf.sample_within(from, 0.6, &mut random) {
                     sum += s.direction;
                 }
             }
-            assert!(sum.is_finite());
+            assert!(sum.is_finite() && (hits > 0) == rays);
             1e9 * (processor_s() - start) / DRAWS as f64
         };
-        let (even, other) = (cost(&lambertian), cost(&tree));
+        let draws = [cost(&lambertian, false), cost(&tree, false)];
+        let photons = [cost(&lambertian, true), cost(&tree, true)];
         println!(
-            "round {round}: Lambertian {even:.1} ns, tree {other:.1} ns a draw: {:.2}",
-            other / even
+            "round {round}: Lambertian {:.0} ns a photon, {:.0} of them the draw; tree {:.0} and {:.0}: {:.2} times for a photon, {:.2} for the draw alone",
+            photons[0],
+            draws[0],
+            photons[1],
+            draws[1],
+            photons[1] / photons[0],
+            draws[1] / draws[0]
         );
     }
 }

@@ -2,6 +2,8 @@
 
 mod speed;
 
+pub use speed::village;
+
 use glam::{DVec3, Vec3};
 use glintmap::base::{
     Aabb, Photon, PhotonSink, Silent, SinkError, SpectralBasis, Tally, Timeline, Timestep,

@@ -1,7 +1,8 @@
 #!/bin/sh
 # What scattering costs: Lambertian against a tensor-tree BSDF of 12 MB (the preset `standard`,
-# 2^7 cells, unpruned), the same incident rays, in turn in one process, in processor time.
-# Three rounds; the last column is the ratio, which is to stay below 1.5 for an emitted photon.
+# 2^7 cells, unpruned), the same rays, in turn in one process, in processor time: for a photon with
+# its ray to the sun and its ray onwards, and for the draw alone. The ratio for a photon is to stay
+# below 1.5.
 #   tools/bench/scatter.sh [--release]
 set -e
 cd "$(dirname "$0")/../.."

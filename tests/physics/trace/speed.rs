@@ -4,7 +4,7 @@ use super::*;
 
 /// Some 17,000 triangles as in the case study: a slope rising to the west, houses, round trees,
 /// three roofs of PV 10 m up.
-fn village() -> Site {
+pub fn village() -> Site {
     let ground = |x: f32, y: f32| -0.04 * x + 0.4 * libm::sinf(0.13 * y);
     let mut scene = Scene::new()
         .pv([[0., -12., 13.2], [0., 0., 13.2], [-10., 0., 10.5], [-10., -12., 10.5]], false)

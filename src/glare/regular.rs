@@ -237,7 +237,10 @@ mod tests {
         assert!(matches!(new(&[3.0, 2.0, 1.0], &all), Error::Step(_)));
         assert!(matches!(new(&[1.0, f64::NAN, 2.0], &all), Error::Step(_)));
         assert!(matches!(new(&[0.0, 1.0 / 3600.0, 1e9], &all), Error::Shape(..)));
-        assert!(matches!(new(&[1.0, 2.0, 3.0], &[0..2]), Error::Segments { .. }));
+        assert!(matches!(
+            new(&[1.0, 2.0, 3.0], std::slice::from_ref(&(0..2))),
+            Error::Segments { .. }
+        ));
         assert!(matches!(new(&[1.0, 2.0, 3.0], &[0..2, 1..3]), Error::Segments { .. }));
     }
 }

@@ -86,6 +86,6 @@ impl Tracer<'_> {
         let seed = self.emission.settings.seed;
         let draw = Draw { purpose: Purpose::Photon, seed, emitted: plan.emitted };
         self.retell(draw, photon)
-            .ok_or_else(|| Error::NoFlux { timesteps: self.emission.timeline.steps.len() })
+            .ok_or(Error::NoFlux { timesteps: self.emission.timeline.steps.len() })
     }
 }

@@ -140,7 +140,7 @@ pub fn write(bsdf: &Bsdf, name: &str, fineness: Fineness) -> Result<Written, Err
 /// Goniophotometer data as a file: rank 3 where all light came in one plane, else 4.
 ///
 /// # Errors
-/// As [`write`].
+/// As [`write()`].
 pub fn write_points(data: &Goniophotometer, fineness: Fineness) -> Result<Written, Error> {
     let rank = if data.is_isotropic() { 3 } else { 4 };
     check(rank, fineness)?;

@@ -147,6 +147,9 @@ fn float_row<const N: usize>(raw: &[[u8; N]], predictor: bool) -> Vec<u8> {
     out
 }
 
+/// Type, count and bytes of a tag.
+type Entry = (u16, u32, Vec<u8>);
+
 fn tiff(kind: Kind) -> Vec<u8> {
     let size = if kind.tiled { [16, 16] } else { [COLUMNS, 7] };
     let mut data = Vec::new();
@@ -179,7 +182,7 @@ fn tiff(kind: Kind) -> Vec<u8> {
         Packing::Lzw => 5,
     };
     let raster = if kind.place == Place::Point { 2 } else { 1 };
-    let mut tags: Vec<(u16, (u16, u32, Vec<u8>))> = vec![
+    let mut tags: Vec<(u16, Entry)> = vec![
         (256, long(&[COLUMNS as u32])),
         (257, long(&[ROWS as u32])),
         (258, short(&[bits])),

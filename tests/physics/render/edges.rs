@@ -217,7 +217,7 @@ fn noise_falls_with_the_root_of_the_photons() {
                 count += 1.0;
             }
         }
-        (sum / count as f64).sqrt()
+        (sum / count).sqrt()
     };
     // The same radius: as many more photons in it as there are in all.
     let (few, many) = (noise(4000, 50), noise(16_000, 200));

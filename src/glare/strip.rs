@@ -77,18 +77,21 @@ impl<'a> Work<'a> {
     /// The runs above the threshold, for each timestep.
     pub fn run(mut self) -> Strip {
         let columns = self.window.columns;
-        let blocks = columns.div_ceil(BLOCK_COLUMNS);
-        let width = columns.div_ceil(blocks).next_multiple_of(GROUP);
+        let radius = self.smoother.x.radius();
         let mut found: Vec<Vec<Vec<Run>>> = vec![Vec::new(); self.batch.steps.len()];
-        for start in (0..columns).step_by(width) {
+        for (within, lit) in self.spans() {
+            let seen = within.start.saturating_sub(radius)..(within.end + radius).min(columns);
+            let groups = seen.start / GROUP..seen.end.div_ceil(GROUP);
+            let block = Block { columns: within, seen, groups };
+            if !lit {
+                for step in 0..self.kept.len() {
+                    self.rows.clone().for_each(|row| self.keep(step, row, &block, None));
+                }
+                continue;
+            }
             for found in &mut found {
                 found.push(Vec::new());
             }
-            let within = start..(start + width).min(columns);
-            let radius = self.smoother.x.radius();
-            let seen = start.saturating_sub(radius)..(within.end + radius).min(columns);
-            let groups = seen.start / GROUP..seen.end.div_ceil(GROUP);
-            let block = Block { columns: within, seen, groups };
             if self.smoother.is_identity() {
                 self.copy(&block, &mut found);
             } else {
@@ -101,6 +104,33 @@ impl<'a> Work<'a> {
             runs
         };
         found.iter().map(stitched).collect()
+    }
+
+    /// The columns cut into spans, and of each whether the filter sees anything but 0 there in any
+    /// row: where light is rare most columns of a strip are dark, and cost nothing.
+    fn spans(&self) -> Vec<(Range<usize>, bool)> {
+        let (columns, groups) = (self.window.columns, self.window.groups);
+        let mut occupied = vec![false; groups];
+        for row in self.occupied.chunks_exact(groups) {
+            occupied.iter_mut().zip(row).for_each(|(any, occupied)| *any |= occupied);
+        }
+        let reach = self.smoother.x.radius().div_ceil(GROUP);
+        let lit = |group: usize| {
+            occupied[group.saturating_sub(reach)..(group + reach + 1).min(groups)].contains(&true)
+        };
+        let mut spans = Vec::new();
+        let mut first = 0;
+        while first < groups {
+            let bright = lit(first);
+            let end = (first + 1..groups).find(|&group| lit(group) != bright).unwrap_or(groups);
+            let span = first * GROUP..(end * GROUP).min(columns);
+            let blocks = if bright { span.len().div_ceil(BLOCK_COLUMNS) } else { 1 };
+            let width = span.len().div_ceil(blocks).next_multiple_of(GROUP);
+            let cut = span.clone().step_by(width);
+            spans.extend(cut.map(|start| (start..(start + width).min(span.end), bright)));
+            first = end;
+        }
+        spans
     }
 
     /// Whether the filter sees anything but 0 in a row of a block.
@@ -123,12 +153,6 @@ impl<'a> Work<'a> {
     }
 
     fn filter(&mut self, block: &Block, found: &mut [Vec<Vec<Run>>]) {
-        if !self.rows_seen.clone().any(|row| self.is_lit(row, block)) {
-            for step in 0..self.kept.len() {
-                self.rows.clone().for_each(|row| self.keep(step, row, block, None));
-            }
-            return;
-        }
         let slots = (2 * self.smoother.y.radius() + GROUP_ROWS).min(self.window.rows);
         let mut ring = Ring {
             rows: std::mem::take(&mut self.scratch.ring),

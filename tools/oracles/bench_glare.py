@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """The glare analysis against SciPy and cc3d, in one run, on one core each.
 
-    bench_glare.py GLINTMAP [--shape 192 1000 1000] [--repeat 3] [--full] [--sparse] [--memory] [--no-dense]
+    bench_glare.py GLINTMAP [--shape 192 1000 1000] [--repeat 3] [--full] [--sparse] [--memory] [--mask SERIES] [--no-dense]
 
 GLINTMAP is a release build of the program. Times are the CPU's (user and system), so that other
 programs on the machine matter less; the best of several repeats counts. The volume is read from
@@ -18,6 +18,9 @@ the page cache by glintmap, and lies in memory for SciPy and cc3d, which is to t
    --size 640 500 2000 takes an eighth of it.
 5. --memory: the highest RssAnon with 4 million pixels, for 200 timesteps of which every chunk is
    lit, and for 2,000 and 20,000 of which 1 % are.
+6. --mask SERIES: a real series (of the case study, say), filtered by glintmap beforehand. Threshold,
+   events and all durations of that: glintmap, reading it from Zarr and from .npy, against the
+   threshold and scipy.ndimage.label alone in memory, each in turn.
 """
 import argparse
 import os
@@ -168,6 +171,27 @@ def sparse(options, folder):
     print(f"{tuple(options.size)}, 1 % of the chunks lit: {wall:.1f} s ({cpu:.1f} s of CPU), {peak:.0f} MiB")
 
 
+def mask(options, folder):
+    level, quiet = "10", {"check": True, "stdout": subprocess.DEVNULL}
+    run(options.glintmap, options.mask, folder / "filtered", ["--threshold", level, "--keep-filtered"])
+    path, volume_path = folder / "filtered" / "filtered.npy", folder / "filtered.zarr"
+    subprocess.run([options.glintmap, "volume", "import", str(path), "--out", str(volume_path), "--quiet"], **quiet)
+    volume = np.load(path)
+    structure = ndi.generate_binary_structure(3, 1)
+    arguments = ["--threshold", level, "--sigma", 0, 0, 0, "--segments", "none"]
+    best = dict.fromkeys(("zarr", "npy", "scipy"), float("inf"))
+    for _ in range(options.repeat):
+        best["zarr"] = min(best["zarr"], run(options.glintmap, volume_path, folder / "out", arguments)[0])
+        best["npy"] = min(best["npy"], run(options.glintmap, path, folder / "out", arguments)[0])
+        best["scipy"] = min(best["scipy"], cpu_of(lambda: ndi.label(volume > np.float32(level), structure), 1))
+    voxels = volume.size / 1e6
+    lit, above = (volume != 0).mean(), (volume > np.float32(level)).mean()
+    print(f"{options.mask}, filtered, {volume.shape}: {above:.3%} above, {lit:.2%} not 0; SciPy's label {best['scipy']:.2f} s, "
+          f"{voxels / best['scipy']:.0f} Mvoxel/s")
+    for name in ("zarr", "npy"):
+        print(f"  whole program from {name}: {best[name]:.2f} s, {voxels / best[name]:.0f} Mvoxel/s, {best['scipy'] / best[name]:.2f}x")
+
+
 def memory(options, folder):
     for timesteps in options.lengths:
         path = folder / f"memory-{timesteps}.zarr"
@@ -190,6 +214,7 @@ def main():
     parser.add_argument("--size", type=int, nargs=3, default=[1280, 1000, 4000], help="for --full and --sparse")
     parser.add_argument("--memory", action="store_true")
     parser.add_argument("--lengths", type=int, nargs="+", default=[200, 2000, 20000], help="for --memory")
+    parser.add_argument("--mask", metavar="SERIES", help="a volume: Zarr or .npy")
     parser.add_argument("--no-dense", action="store_true")
     options = parser.parse_args()
     with tempfile.TemporaryDirectory() as folder:
@@ -200,6 +225,8 @@ def main():
             full(options, folder)
         if options.sparse:
             sparse(options, folder)
+        if options.mask:
+            mask(options, folder)
         if options.memory:
             memory(options, folder)
 

@@ -8,6 +8,7 @@ use glam::Vec3;
 
 use super::Estimator;
 use crate::base::Aabb;
+use crate::pages::{Neighbour, Neighbours};
 
 /// Rows of the grid within the reach of a pixel's search, one side.
 const ROWS: f32 = 6.0;
@@ -196,6 +197,35 @@ impl Candidates {
         }
     }
 
+    /// Lists what a search of the store's own found, and what bounds it. `light` turns a photon
+    /// into what is summed.
+    pub fn take(
+        &mut self,
+        found: &Neighbours,
+        estimator: Estimator,
+        max_radius_m: f32,
+        light: impl Fn(&Neighbour) -> Light,
+    ) -> Bound {
+        let items = found.items();
+        self.light.clear();
+        self.light.extend(items.iter().map(light));
+        let near = &mut self.near;
+        near.distance2.clear();
+        near.distance2.extend(items.iter().map(|n| n.distance2_m2));
+        near.place.clear();
+        near.place.extend(0..items.len() as u32);
+        near.used = items.len();
+        match found.farthest().filter(|_| found.full()) {
+            Some(last) => {
+                let Neighbour { distance2_m2, index, .. } = items[last];
+                Bound { distance2_m2, index: index + estimator.keeps_last(), full: true }
+            }
+            None => {
+                Bound { distance2_m2: max_radius_m * max_radius_m, index: u64::MAX, full: false }
+            }
+        }
+    }
+
     /// Lists the photons for a bound that is known.
     pub fn look_again(&mut self, point: Vec3, bound: Bound, accept: Option<&Accept<'_>>) {
         // The square root is rounded; exact squares decide below.
@@ -272,10 +302,6 @@ impl Near {
         }
         self.ties.sort_unstable();
         let last = self.ties[ties_before];
-        let index = match estimator {
-            Estimator::Photons => last,
-            Estimator::Radiance => last + 1,
-        };
-        Bound { distance2_m2, index, full: true }
+        Bound { distance2_m2, index: last + estimator.keeps_last(), full: true }
     }
 }

@@ -18,6 +18,16 @@ pub enum Estimator {
     Radiance,
 }
 
+impl Estimator {
+    /// 1 where the k-th photon itself counts, else 0.
+    pub(super) fn keeps_last(self) -> u64 {
+        match self {
+            Self::Photons => 0,
+            Self::Radiance => 1,
+        }
+    }
+}
+
 /// How photons in the disc are weighed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
 pub enum Kernel {

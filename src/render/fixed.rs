@@ -9,6 +9,9 @@ const BITS: i32 = 35;
 /// Bits that squares lose before they are taken, so that millions of them fit.
 const SQUARE_SHIFT: u32 = 17;
 
+/// Added to a number, it leaves no room for a fraction: 1.5 times 2^52.
+const TO_INTEGER: f64 = 6_755_399_441_055_744.0;
+
 /// Photons in one sum at most: more would leave the 63 bits.
 pub(super) const MOST_PHOTONS: usize = 1 << 22;
 
@@ -31,10 +34,12 @@ impl Scale {
 
     /// A value as an integer.
     pub fn integer(self, value: f64) -> i64 {
-        // `as` saturates, and NaN of a damaged store becomes 0. Clamped, because a store's header
-        // may promise less than its pages hold.
+        // Clamped, because a store's header may promise less than its pages hold; clamping keeps
+        // the NaN of a damaged store, which `as` makes 0 (`min` would make it the bound).
         let most = (1i64 << (BITS + 1)) as f64;
-        (value * self.per_unit).round_ties_even().min(most) as i64
+        let scaled = (value * self.per_unit).clamp(-most, most);
+        // Rounds to the nearest, ties to even, without a call into the C library.
+        ((scaled + TO_INTEGER) - TO_INTEGER) as i64
     }
 
     /// A sum of integers as a value.
@@ -77,6 +82,14 @@ mod tests {
             assert!(most.checked_mul(MOST_PHOTONS as i64).is_some());
             assert!(square(most).checked_mul(MOST_PHOTONS as i64).is_some());
         }
+        let scale = Scale::up_to(3.0);
+        for i in 0..10_000 {
+            let value = f64::from(i) * 0.37 / scale.per_unit;
+            let slow = (value * scale.per_unit).round_ties_even() as i64;
+            assert_eq!(scale.integer(value), slow);
+        }
+        let half = |halves: f64| Scale::up_to(0.0).integer(halves / 2.0);
+        assert_eq!([half(1.0), half(3.0), half(5.0), half(-1.0)], [0, 2, 2, 0]);
         assert_eq!(Scale::up_to(0.0).integer(f64::NAN), 0);
     }
 }

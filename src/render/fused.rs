@@ -8,10 +8,10 @@ use rayon::prelude::*;
 use super::gather::Fluxes;
 use super::order::Order;
 use super::series::TileSeries;
-use super::share::{Recorded, Scratch, Shared};
+use super::share::{Beam, Recorded, Scratch, Shared};
 use super::surfaces::Surfaces;
 use super::{Error, Gather, HitMap, Quantity, Series, SeriesSummary};
-use crate::base::{Grid, Photon, Progress, TileRect, TileSink};
+use crate::base::{Grid, Progress, TileRect, TileSink};
 use crate::pages::Store;
 
 /// A view whose discs are known: each pixel's radius, found once among the photons of all suns.
@@ -65,7 +65,7 @@ impl<'a> Fused<'a> {
             photons: vec![0; timesteps as usize],
         });
         progress.begin("radius of each pixel", (hits.columns * hits.rows) as u64, "pixels");
-        let integers = |photon: &Photon| Some(fluxes.integers(photon, 1.0));
+        let integers = |beam: Beam| Some(fluxes.integers_of(quantity, beam));
         order.tiles().par_iter().enumerate().try_for_each_init(
             || (Scratch::default(), TileSeries::new(0..timesteps)),
             |(scratch, tile_series), (number, &tile)| {
@@ -130,8 +130,9 @@ impl<'a> Fused<'a> {
         progress: &dyn Progress,
     ) -> Result<(), Error> {
         let timesteps = timesteps.start..timesteps.end.min(self.store.info().timesteps);
-        let integers = |photon: &Photon| {
-            timesteps.contains(&photon.timestep).then(|| self.fluxes.integers(photon, 1.0))
+        let integers = |beam: Beam| {
+            let now = timesteps.contains(&beam.timestep);
+            now.then(|| self.fluxes.integers_of(self.how.0, beam))
         };
         self.tiles.par_iter().try_for_each_init(
             || (Scratch::default(), TileSeries::new(timesteps.clone())),

@@ -5,10 +5,10 @@ use rayon::prelude::*;
 use super::estimate::{Kernel, MIN_COS};
 use super::fixed::{MOST_PHOTONS, Scale, square};
 use super::order::Order;
-use super::share::{Scratch, Shared};
+use super::share::{Beam, Scratch, Shared};
 use super::surfaces::{Surfaces, Tolerance};
 use super::{Error, Estimator, HitMap, Quantity};
-use crate::base::{Grid, Photon, Progress};
+use crate::base::{Grid, Progress};
 use crate::pages::Store;
 
 /// How photons are gathered.
@@ -105,9 +105,21 @@ impl Gather {
         }
     }
 
+    /// The same with discs that end nowhere and take photons of any height.
+    pub fn open(self) -> Self {
+        Self { plane_tolerance_m: None, edges: false, ..self }
+    }
+
+    /// Whether the store's own search finds what counts: discs without end or tolerance.
+    pub(super) fn is_open(&self) -> bool {
+        !self.edges && self.plane_tolerance_m.is_none() && self.normal_tolerance_deg == 60.0
+    }
+
     pub(super) fn tolerance(&self) -> Tolerance {
+        // The store's own search has exactly a half for 60 degrees.
+        let open = self.normal_tolerance_deg == 60.0;
         Tolerance {
-            normal_cos: libm::cosf(self.normal_tolerance_deg.to_radians()),
+            normal_cos: if open { 0.5 } else { libm::cosf(self.normal_tolerance_deg.to_radians()) },
             plane_m: self.plane_tolerance_m.unwrap_or(f32::INFINITY),
         }
     }
@@ -149,10 +161,19 @@ impl Fluxes {
         Self { surface: Scale::up_to(largest), normal: Scale::up_to(largest / f64::from(MIN_COS)) }
     }
 
-    pub fn integers(&self, photon: &Photon, weight: f64) -> [i64; 2] {
-        let flux = f64::from(photon.flux_w) * weight;
-        let cos = photon.normal.dot(photon.direction);
-        [self.surface.integer(flux), self.normal.integer(flux / f64::from(cos.max(MIN_COS)))]
+    pub fn integers(&self, beam: Beam, weight: f64) -> [i64; 2] {
+        let flux = f64::from(beam.flux_w) * weight;
+        let normal = flux / f64::from(beam.cos.max(MIN_COS));
+        [self.surface.integer(flux), self.normal.integer(normal)]
+    }
+
+    /// The same where only one quantity is asked for; the other is 0.
+    pub fn integers_of(&self, quantity: Quantity, beam: Beam) -> [i64; 2] {
+        let flux = f64::from(beam.flux_w);
+        match quantity {
+            Quantity::Surface => [self.surface.integer(flux), 0],
+            Quantity::Normal => [0, self.normal.integer(flux / f64::from(beam.cos.max(MIN_COS)))],
+        }
     }
 
     /// How integers of a quantity become W again.
@@ -216,7 +237,7 @@ pub fn annual(
     progress.begin("annual map", (hits.columns * hits.rows) as u64, "pixels");
     // A timestep out of range is damage that verify finds; it must not panic here.
     let weight = |t: u32| weights_h.get(t as usize).copied().unwrap_or(0.0);
-    let integers = |photon: &Photon| Some(fluxes.integers(photon, weight(photon.timestep)));
+    let integers = |beam: Beam| Some(fluxes.integers(beam, weight(beam.timestep)));
     order.tiles().par_iter().try_for_each_init(
         || (Scratch::default(), Vec::new()),
         |(scratch, values), &tile| {

@@ -7,10 +7,10 @@ use super::candidates::Candidates;
 use super::fixed::square;
 use super::gather::{Fluxes, rounded, weighed};
 use super::order::Order;
-use super::share::{Disc, Scratch, Shared};
+use super::share::{Beam, Disc, Scratch, Shared};
 use super::surfaces::Surfaces;
 use super::{Error, Gather, HitMap};
-use crate::base::{Grid, Photon, Progress, SeriesEntry, TileSink};
+use crate::base::{Grid, Progress, SeriesEntry, TileSink};
 use crate::pages::Store;
 
 /// Which irradiance a series holds.
@@ -235,7 +235,7 @@ pub fn series(
         radius_m: Grid::filled(hits.columns, hits.rows, 0.0),
     });
     progress.begin("time series", (hits.columns * hits.rows) as u64, "pixels");
-    let integers = |photon: &Photon| Some(fluxes.integers(photon, 1.0));
+    let integers = |beam: Beam| Some(fluxes.integers_of(quantity, beam));
     let how = (quantity, settings.mantissa_bits);
     order.tiles().par_iter().try_for_each_init(
         || (Scratch::default(), TileSeries::new(0..store.info().timesteps), Vec::new()),

@@ -14,8 +14,8 @@ use super::candidates::{Accept, Bound, Candidates, Light, Loaded};
 use super::estimate::{Kernel, MIN_RADIUS_M};
 use super::surfaces::{Mask, Plane, Surfaces, Tolerance};
 use super::{Error, Gather};
-use crate::base::{Aabb, Photon};
-use crate::pages::{Neighbours, Query, Store};
+use crate::base::Aabb;
+use crate::pages::{Neighbour, Neighbours, Query, Store};
 
 /// How much farther than its middle pixel a group looks.
 const AHEAD: f32 = 1.5;
@@ -34,6 +34,15 @@ const CELLS: f32 = 32.0;
 const PLANE_STEP_M: f32 = 0.01;
 /// Smallest share of a disc that counts as its area: on less than that nothing can be measured.
 const LEAST_SHARE: f64 = 1.0 / 64.0;
+
+/// What of a photon becomes irradiance.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Beam {
+    pub flux_w: f32,
+    /// Cosine of incidence.
+    pub cos: f32,
+    pub timestep: u32,
+}
 
 /// A pixel on a surface.
 #[derive(Clone, Copy, Debug)]
@@ -123,10 +132,13 @@ impl<'a> Shared<'a> {
         &self,
         spots: &[Spot],
         scratch: &mut Scratch,
-        value: &impl Fn(&Photon) -> Option<[i64; 2]>,
+        value: &impl Fn(Beam) -> Option<[i64; 2]>,
         recorded: Option<&mut Recorded>,
         mut each: impl FnMut(&Spot, &Disc, &Candidates),
     ) -> Result<(), Error> {
+        if recorded.is_none() && self.surfaces.is_none() && self.gather.is_open() {
+            return self.open(spots, scratch, value, each);
+        }
         let mut jobs = vec![((0..spots.len() as u32).collect::<Vec<u32>>(), None)];
         let mut record = Recorded { groups: Vec::new(), discs: vec![None; spots.len()] };
         while let Some((numbers, reach_m)) = jobs.pop() {
@@ -182,12 +194,55 @@ impl<'a> Shared<'a> {
         Ok(())
     }
 
+    /// The same where discs end nowhere: the store's own search is exact, and shares what
+    /// neighbours need by itself.
+    fn open(
+        &self,
+        spots: &[Spot],
+        scratch: &mut Scratch,
+        value: &impl Fn(Beam) -> Option<[i64; 2]>,
+        mut each: impl FnMut(&Spot, &Disc, &Candidates),
+    ) -> Result<(), Error> {
+        let query = |spot: &Spot| Query {
+            point: spot.position,
+            normal: spot.normal,
+            count: self.gather.bandwidth,
+            max_radius_m: self.max_radius_m,
+        };
+        let queries: Vec<Query> = spots.iter().map(query).collect();
+        let Scratch { pilot, own, .. } = scratch;
+        let light = |n: &Neighbour| {
+            let beam = Beam { flux_w: n.flux_w, cos: n.cos, timestep: n.timestep };
+            let [surface, normal] = value(beam).unwrap_or_default();
+            Light { surface, normal, index: n.index, timestep: n.timestep }
+        };
+        self.store.nearest_each(&queries, pilot, |at, found| {
+            let bound = own.take(found, self.gather.estimator, self.max_radius_m, light);
+            each(&spots[at], &self.disc(bound, |_| 1.0), own);
+            Ok(())
+        })
+    }
+
+    /// The disc within a bound; `share` of it belongs to the pixel's surface.
+    fn disc(&self, bound: Bound, share: impl Fn(f32) -> f64) -> Disc {
+        let exact_m = f64::from(bound.distance2_m2).sqrt();
+        let radius_m = exact_m.max(MIN_RADIUS_M);
+        let share = share(radius_m as f32).max(LEAST_SHARE);
+        Disc {
+            bound,
+            radius_m,
+            area_m2: PI * radius_m * radius_m * share,
+            floored: exact_m < MIN_RADIUS_M,
+            kernel: self.gather.kernel,
+        }
+    }
+
     /// Does again what was recorded, for the photons that `value` lets through now.
     pub fn again(
         &self,
         spots: &[Spot],
         scratch: &mut Scratch,
-        value: &impl Fn(&Photon) -> Option<[i64; 2]>,
+        value: &impl Fn(Beam) -> Option<[i64; 2]>,
         recorded: &Recorded,
         mut each: impl FnMut(&Spot, &Disc, &Candidates),
     ) -> Result<(), Error> {
@@ -237,7 +292,7 @@ impl<'a> Shared<'a> {
         group: &[Spot],
         reach_m: f32,
         scratch: &mut Scratch,
-        value: &impl Fn(&Photon) -> Option<[i64; 2]>,
+        value: &impl Fn(Beam) -> Option<[i64; 2]>,
     ) -> Result<Option<Aabb>, Error> {
         let around = Aabb::around(group.iter().map(|s| s.position));
         // Beyond the reach by more than rounding.
@@ -259,7 +314,9 @@ impl<'a> Shared<'a> {
                 too_many = true;
                 return;
             }
-            if let Some([surface, normal]) = value(photon) {
+            let cos = photon.normal.dot(photon.direction);
+            let beam = Beam { flux_w: photon.flux_w, cos, timestep: photon.timestep };
+            if let Some([surface, normal]) = value(beam) {
                 let light = Light { surface, normal, index, timestep: photon.timestep };
                 loaded.push(Loaded { position: photon.position, normal: photon.normal, light });
             }
@@ -363,16 +420,8 @@ impl<'a> Shared<'a> {
                 let exact_m = f64::from(bound.distance2_m2).sqrt();
                 guess_m = if bound.full { exact_m as f32 * 1.08 } else { reach_m };
                 guess_m = guess_m.max(reach_m / 64.0);
-                let radius_m = exact_m.max(MIN_RADIUS_M);
                 let kernel = self.gather.kernel;
-                let share = mask.map_or(1.0, |m| m.share(place, radius_m as f32, kernel));
-                Disc {
-                    bound,
-                    radius_m,
-                    area_m2: PI * radius_m * radius_m * share.max(LEAST_SHARE),
-                    floored: exact_m < MIN_RADIUS_M,
-                    kernel,
-                }
+                self.disc(bound, |r| mask.map_or(1.0, |m| m.share(place, r, kernel)))
             });
             answer(at as usize, disc, candidates);
         }

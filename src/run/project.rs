@@ -344,6 +344,9 @@ pub struct ViewTable {
     /// Whether the disc around a pixel ends at the edges of its surface and at walls.
     #[serde(default = "yes")]
     pub edges: bool,
+    /// Whether `edges` and `plane_tolerance_m` hold for the time series, too: slower.
+    #[serde(default)]
+    pub series_edges: bool,
     /// Analyse as rendered, keep no series.
     #[serde(default)]
     pub fuse: bool,

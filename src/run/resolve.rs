@@ -74,6 +74,8 @@ pub struct PlannedView {
     pub both: bool,
     /// How the series is gathered; its bandwidth is fixed once the timesteps are known.
     pub series_bandwidth: Option<usize>,
+    /// Whether the discs of the series end where those of the annual map do.
+    pub series_edges: bool,
     /// Whether it is integrated directly, without photons.
     pub direct: bool,
     /// Points instead of pixels: `view` then means nothing, and the hits say how many there are.
@@ -369,8 +371,9 @@ impl Resolved {
         let upstream = (self.photons_key(candidate)?, self.hits_key(view)?);
         let estimator = format!("{:?} {:?}", g.estimator, g.kernel);
         let surface = (g.normal_tolerance_deg, g.plane_tolerance_m, g.edges);
-        let how =
-            ((estimator, g.bandwidth, view.series_bandwidth, g.max_radius_m), surface, view.fuse);
+        let photons = (estimator, g.bandwidth, view.series_bandwidth, g.max_radius_m);
+        let series = (view.series_edges, view.fuse, view.both, g.mantissa_bits);
+        let how = (photons, surface, series);
         // The names stand in the files, in titles and in legends.
         let names = (&candidate.name, &view.name);
         key_of("render", &(upstream, how, &self.project.glare.quantity, names))

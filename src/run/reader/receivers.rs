@@ -31,11 +31,11 @@ impl Reader<'_> {
             return Ok(out);
         }
         // They are gathered as the first picture is: what it shows and what is said of them agree.
-        let (annual, series_bandwidth) = match p.view.first() {
-            Some(t) => (self.gather(t)?, t.series_bandwidth),
+        let (annual, series_bandwidth, series_edges) = match p.view.first() {
+            Some(t) => (self.gather(t)?, t.series_bandwidth, t.series_edges),
             None => {
                 let default = Gather { estimator: Estimator::Photons, ..Gather::default() };
-                (default, None)
+                (default, None, false)
             }
         };
         out.push(PlannedView {
@@ -46,6 +46,7 @@ impl Reader<'_> {
             view: self.no_view()?,
             annual,
             series_bandwidth,
+            series_edges,
             points: Some(Points::Receivers),
             direct: false,
         });
@@ -83,6 +84,7 @@ impl Reader<'_> {
             view: self.no_view()?,
             annual: self.gather(t)?,
             series_bandwidth: t.series_bandwidth,
+            series_edges: t.series_edges,
             points: Some(Points::File { hash: hash_path(&path).map_err(read)?, sensors, map }),
             direct: t.estimator == "direct",
         })

@@ -136,6 +136,7 @@ impl Reader<'_> {
             fuse: t.fuse,
             both: t.both_quantities,
             series_bandwidth: t.series_bandwidth,
+            series_edges: t.series_edges,
             points: None,
             direct: t.estimator == "direct",
         })

@@ -172,15 +172,16 @@ mod tests {
 
     #[test]
     fn what_lies_near_the_threshold_is_left_open() {
-        // One photon is 0.4 W/m2: at 10 W/m2 the band reaches from 6.4 to 14.4 or so.
+        // One photon is 0.4 W/m2: at 10 W/m2 the band reaches from 6.721 to 14.879.
         let photon = Grid::filled(3, 1, 0.4f32);
         let mut counter = Counter::new(10.0, &photon);
         counter.push(&[5.0, 9.0, 30.0], 0.5);
-        counter.push(&[0.0, 11.0, 14.6], 0.25);
+        counter.push(&[6.7, 11.0, 14.9], 0.25);
+        counter.push(&[0.0, 6.8, 14.8], 0.125);
         let band = counter.finish();
         assert_eq!(band.low_h.data(), [0.0, 0.0, 0.75]);
-        assert_eq!(band.hours_h.data(), [0.0, 0.25, 0.75]);
-        assert_eq!(band.high_h.data(), [0.0, 0.75, 0.75]);
+        assert_eq!(band.hours_h.data(), [0.0, 0.25, 0.875]);
+        assert_eq!(band.high_h.data(), [0.0, 0.875, 0.875]);
         let say = |x: usize| band.exceeds((x, 0), 0.5);
         assert_eq!([say(0), say(1), say(2)], [Some(false), None, Some(true)]);
     }

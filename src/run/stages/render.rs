@@ -181,8 +181,8 @@ pub(super) fn fused(
 ) -> Result<super::fused::Made, Error> {
     let hits = read_hits(job, view)?;
     let store = open_store(job, candidate)?;
-    let surfaces = view.annual.edges.then(|| job.site().map(Surfaces::of)).transpose()?;
     let gather = series_gather(job, view)?;
+    let surfaces = gather.edges.then(|| job.site().map(Surfaces::of)).transpose()?;
     super::fused::analyse(job, (&store, surfaces.as_ref(), &hits), &gather, thresholds)
 }
 
@@ -196,7 +196,8 @@ fn open_store(job: &Job<'_>, candidate: &Candidate) -> Result<Store, Error> {
 fn series_gather(job: &Job<'_>, view: &PlannedView) -> Result<Gather, Error> {
     let steps = job.timeline()?.steps.len();
     let bandwidth = view.series_bandwidth.unwrap_or_else(|| (3 * steps).max(4000));
-    Ok(Gather { bandwidth, ..view.annual })
+    let gather = Gather { bandwidth, ..view.annual };
+    Ok(if view.series_edges { gather } else { gather.open() })
 }
 
 /// A key, and what files say of their making beside it.

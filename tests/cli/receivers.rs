@@ -156,7 +156,7 @@ fn sensors_receive_what_pixels_there_receive() {
     let (hits, _) = HitMap::read(&run.join("plan/hits.gmh")).expect("reads");
     let pixels: Vec<usize> =
         (0..hits.hits.len()).filter(|i| hits.hits[*i].kind.receives()).collect();
-    let chosen: Vec<usize> = pixels.iter().copied().step_by(pixels.len() / 70).collect();
+    let chosen: Vec<usize> = pixels.iter().copied().step_by(pixels.len() / 150).collect();
     let mut lines = String::from("# from the plan\n\n");
     for i in &chosen {
         let h = &hits.hits[*i];

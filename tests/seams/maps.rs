@@ -290,7 +290,8 @@ fn maps_are_finite_and_exactly_zero_where_nothing_receives() {
         match npy::Reader::<f32>::open(path).and_then(|r| r.read_all()) {
             Ok(values) => check(path, "", &values),
             Err(_) => {
-                check(path, "", &integers(path).iter().map(|v| *v as f32).collect::<Vec<_>>())
+                let counts: Vec<f32> = integers(path).iter().map(|v| *v as f32).collect();
+                check(path, "", &counts);
             }
         }
     }

@@ -8,6 +8,7 @@ use glintmap::site::bsdf::{
 };
 
 use super::bsdf::from_degrees;
+use super::trace::processor_s;
 
 fn preset(name: &str) -> Bsdf {
     Bsdf::from_model(&Preset::named(name).expect("a preset").model()).expect("valid")
@@ -193,13 +194,6 @@ fn points_on_half_of_the_hemisphere_are_said_to_miss_the_rest() {
     // An even surface sends 36 % beyond 37 degrees.
     assert!(reach.unseen.iter().all(|u| u.1 > 0.4), "{reach:?}");
     assert!((reach.beyond - 0.25).abs() < 1e-9);
-}
-
-fn processor_s() -> f64 {
-    let stat = std::fs::read_to_string("/proc/self/stat").unwrap_or_default();
-    let fields: Vec<_> = stat.rsplit(')').next().unwrap_or("").split_whitespace().collect();
-    let ticks = |i: usize| fields.get(i).and_then(|f| f.parse::<f64>().ok()).unwrap_or(f64::NAN);
-    (ticks(11) + ticks(12)) / 100.0
 }
 
 /// What a photon costs, Lambertian and a file of 12 MB in turn: a ray to the sun, a draw, a ray

@@ -2,7 +2,7 @@
 
 mod speed;
 
-pub use speed::village;
+pub use speed::{processor_s, village};
 
 use glam::{DVec3, Vec3};
 use glintmap::base::{

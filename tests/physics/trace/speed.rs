@@ -84,7 +84,7 @@ fn suns_of_half_a_year() -> Timeline {
 }
 
 /// Processor time that this process has used, s: unlike the clock it doesn't see other programs.
-fn processor_s() -> f64 {
+pub fn processor_s() -> f64 {
     let stat = std::fs::read_to_string("/proc/self/stat").unwrap_or_default();
     let fields: Vec<_> = stat.rsplit(')').next().unwrap_or("").split_whitespace().collect();
     let ticks = |i: usize| fields.get(i).and_then(|f| f.parse::<f64>().ok()).unwrap_or(f64::NAN);

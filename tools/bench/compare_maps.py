@@ -27,7 +27,7 @@ from pathlib import Path
 import numpy as np
 
 sys.path.insert(0, str(Path(__file__).parent))
-from mkpmap import CELL, INDEX, SCENE, cpu_s, radiance, tensor_tree
+from mkpmap import SCENE, cpu_s, radiance, tensor_tree
 
 ROOT = Path(__file__).resolve().parents[2]
 METRES, SIZE, BLOCK = 60.0, 60, 6
@@ -129,12 +129,13 @@ def main():
     parser.add_argument("--mkpmap-photons", type=int, default=400_000)
     parser.add_argument("--suns", type=int, default=60, help="about that many")
     parser.add_argument("--alpha", type=float, default=0.2, help="GGX roughness of the PV glass")
+    parser.add_argument("--cell", type=float, default=0.04, help="reflectance of the cells below it")
     parser.add_argument("--most", type=float, default=0.1, help="bias that is accepted")
     options = parser.parse_args()
     env, glintmap = radiance(), options.glintmap.resolve()
     with tempfile.TemporaryDirectory() as name:
         work = Path(name)
-        tensor_tree(work, env, options.alpha)
+        tensor_tree(work, env, options.alpha, options.cell)
         folder = project(work, options)
         subprocess.run([glintmap, "run", folder, "--until", "render", "--quiet"], check=True)
         rows = list(csv.DictReader(l for l in open(folder / "run/suns.csv") if not l.startswith("#")))

@@ -33,7 +33,7 @@ from pathlib import Path
 import numpy as np
 
 sys.path.insert(0, str(Path(__file__).parent))
-from mkpmap import cpu_s, octree, project, radiance, suns_of, tensor_tree
+from mkpmap import MATERIALS, cpu_s, octree, project, radiance, suns_of, tensor_tree
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -106,17 +106,16 @@ def main():
     parser.add_argument("--size", type=int, default=250, help="pixels along an edge")
     parser.add_argument("--metres", type=float, default=50.0, help="metres along an edge")
     parser.add_argument("--at", type=float, default=-40.0, help="x of the square's centre")
-    parser.add_argument("--alpha", type=float, default=0.05, help="GGX roughness of the PV glass")
     parser.add_argument("--rounds", type=int, default=1)
     parser.add_argument("--exact", action="store_true", help="only estimator = radiance")
     options = parser.parse_args()
     env, glintmap = radiance(), options.glintmap.resolve()
     with tempfile.TemporaryDirectory() as name:
         work = Path(name)
-        tensor_tree(work, env, options.alpha)
-        folder = project(work, options.alpha, options.photons)
+        tensor_tree(work, env, *MATERIALS["tree"])
+        folder = project(work, "tree", options.photons)
         suns = suns_of(glintmap, folder)
-        ports = octree(work, env, suns)
+        ports = octree(work, env, suns, False)
         subprocess.run([glintmap, "run", folder, "--until", "pages", "--quiet"], check=True)
         command = ["mkpmap", "-n", "1", "-fo+", "-apC", "map.pm", str(options.photons)]
         for port in ports:

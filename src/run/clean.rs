@@ -181,21 +181,21 @@ fn size(path: &Path) -> Result<u64, Error> {
 /// # Errors
 /// [`Error::Write`].
 pub(super) fn remove(path: &Path) -> Result<(), Error> {
+    let failed = |source| Error::Write { path: path.to_owned(), source };
+    // What a removal that was killed half-way left without its name goes first, also where that is
+    // all there is.
+    let nameless = seal::growing(path);
+    if fs::symlink_metadata(&nameless).is_ok_and(|m| m.is_dir()) {
+        fs::remove_dir_all(&nameless).map_err(failed)?;
+    }
     let removed = match fs::symlink_metadata(path) {
         Err(_) => Ok(()),
         Ok(m) if m.is_dir() => {
-            let nameless = seal::growing(path);
-            let earlier = match fs::symlink_metadata(&nameless) {
-                Ok(m) if m.is_dir() => fs::remove_dir_all(&nameless),
-                _ => Ok(()),
-            };
-            earlier
-                .and_then(|()| fs::rename(path, &nameless))
-                .and_then(|()| fs::remove_dir_all(&nameless))
+            fs::rename(path, &nameless).and_then(|()| fs::remove_dir_all(&nameless))
         }
         Ok(_) => fs::remove_file(path),
     };
-    removed.map_err(|source| Error::Write { path: path.to_owned(), source })
+    removed.map_err(failed)
 }
 
 /// Folders that held nothing else go as well; one that isn't empty refuses, and stays.

@@ -222,4 +222,19 @@ mod tests {
             assert!(!lies_inside(Path::new(bad)), "{bad}");
         }
     }
+
+    #[test]
+    fn a_removal_that_was_killed_is_finished_by_the_next() {
+        let keep = tempfile::tempdir().expect("a folder");
+        let path = keep.path().join("spill");
+        let half = keep.path().join("spill.tmp");
+        fs::create_dir(&half).expect("makes");
+        remove(&path).expect("removes what is left");
+        assert!(!half.exists());
+        for folder in [&path, &half] {
+            fs::create_dir(folder).expect("makes");
+        }
+        remove(&path).expect("removes both");
+        assert!(!half.exists() && !path.exists());
+    }
 }

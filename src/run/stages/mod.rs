@@ -7,6 +7,7 @@ mod events;
 mod fused;
 mod glare;
 mod judged;
+mod noted;
 mod people;
 mod photons;
 mod pictures;

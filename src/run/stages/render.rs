@@ -123,6 +123,7 @@ fn maps(job: &mut Job<'_>, candidate: &Candidate, view: &PlannedView) -> Result<
     let surfaces = view.annual.edges.then(|| job.site().map(Surfaces::of)).transpose()?;
     let made_from = (&store, surfaces.as_ref(), &hits);
     let (mut outputs, annual_took) = annual(job, made_from, candidate, view, about)?;
+    let annual_cache = store.cache_stats();
     let watch = Watch::start();
     let (series, written) = if view.fuse {
         let thresholds = &job.resolved.project.glare.thresholds_w_m2;
@@ -165,6 +166,7 @@ fn maps(job: &mut Job<'_>, candidate: &Candidate, view: &PlannedView) -> Result<
     let facts = json!({
         "cache": store.cache_stats(),
         "annual": annual_took,
+        "annual_cache": annual_cache,
         "series_took": series_took,
         "series": written,
         "gathered": series.summary,

@@ -12,6 +12,7 @@ mod cache;
 mod candidates;
 mod error;
 mod facts;
+mod half_built;
 mod inspect;
 mod mapped;
 mod morton;

@@ -8,6 +8,7 @@ use glintmap_formats::checksum::crc32c_append;
 
 use super::Error;
 use super::bucket::{Bucket, RECORD_BYTES, SUFFIX, record};
+use super::half_built::NAME as BUILDING;
 use super::morton::{Cube, LEVELS};
 use super::spill::{CHECKPOINT, SUMMARY};
 use crate::base::Photon;
@@ -120,8 +121,8 @@ pub(super) fn remove_files(dir: &Path) -> Result<(), Error> {
             fs::remove_dir_all(&path).map_err(Error::io(&path, doing))?;
             continue;
         }
-        let ours =
-            path.extension().is_some_and(|e| e == SUFFIX) || name == SUMMARY || name == CHECKPOINT;
+        let ours = path.extension().is_some_and(|e| e == SUFFIX)
+            || [SUMMARY, CHECKPOINT, BUILDING].contains(&name);
         if ours {
             fs::remove_file(&path).map_err(Error::io(&path, doing))?;
         }

@@ -16,15 +16,16 @@ use super::bucket::Bucket;
 use super::facts::{About, Facts, Layout, Sums};
 use super::half_built::{self, Checkpoints};
 use super::morton::{Cube, LEVELS};
+use super::packed::Packed;
 use super::page;
 use super::parting::{Parting, SPLIT_LEVELS, SPLIT_PREFIX};
 use super::sort::{Merged, Sorted};
 use super::spill::{SpillSummary, discard};
 use super::tree::{Leaf, cut, nodes};
-use crate::base::{Photon, Progress};
+use crate::base::Progress;
 
-/// Memory that a photon takes while it is sorted, cut and compressed: 48 itself, 16 its key, the
-/// rest for its page in columns and in bytes.
+/// Memory that a photon takes while it is sorted, cut and compressed: 32 itself, 16 its key, the
+/// rest for its page in columns and in bytes, and what the allocator keeps of the batch before.
 const BYTES_PER_PHOTON: u64 = 96;
 /// Memory that doesn't depend on the batch: buffers of files, tables of buckets.
 const FIXED_BYTES: u64 = 6 << 20;
@@ -66,7 +67,7 @@ pub fn build(
     let fixed_bytes = FIXED_BYTES + THREAD_BYTES * rayon::current_num_threads() as u64;
     let size = Size {
         page_photons: gmp::PAGE_PHOTONS_MAX,
-        batch_photons: (memory_bytes.saturating_sub(fixed_bytes) / 2 / BYTES_PER_PHOTON)
+        batch_photons: (memory_bytes.saturating_sub(fixed_bytes) / BYTES_PER_PHOTON)
             .clamp(4 * gmp::PAGE_PHOTONS_MAX as u64, 1 << 31),
         buffer_bytes: (memory_bytes / 16).clamp(1 << 16, 128 << 20) as usize,
         checkpoint_every: CHECKPOINT_EVERY,
@@ -347,7 +348,7 @@ impl<'a> Builder<'a> {
     /// Compresses pages on all cores and writes them in order.
     fn encode<'p, I>(&mut self, jobs: Vec<Job<I>>) -> Result<(), Error>
     where
-        I: Iterator<Item = &'p Photon> + Send,
+        I: Iterator<Item = &'p Packed> + Send,
     {
         let encoded: Vec<Encoded> = jobs
             .into_par_iter()
@@ -357,7 +358,7 @@ impl<'a> Builder<'a> {
                     Err(_) => &mut gmp::Encoder::new()?,
                 };
                 // Side by side, because they are gone through several times.
-                let photons: Vec<Photon> = job.photons.copied().collect();
+                let photons: Vec<Packed> = job.photons.copied().collect();
                 let columns = page::columns(&photons);
                 let sums = page::sums(&columns, &photons);
                 let bytes = encoder.page(&columns)?;
@@ -435,7 +436,7 @@ fn layout(
     }
 }
 
-fn check(photon: &Photon, about: &About) -> Result<(), Error> {
+fn check(photon: &Packed, about: &About) -> Result<(), Error> {
     if photon.timestep < about.timesteps && usize::from(photon.surface) < about.surfaces.len() {
         return Ok(());
     }

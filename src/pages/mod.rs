@@ -16,6 +16,7 @@ mod half_built;
 mod inspect;
 mod mapped;
 mod morton;
+mod packed;
 mod page;
 mod parting;
 mod quantise;

@@ -33,6 +33,7 @@ mod track;
 mod vector;
 mod window;
 mod year;
+mod year_tiles;
 
 pub use error::Error;
 pub use event::Event;
@@ -48,3 +49,4 @@ pub use spot::{Run, SpotGlare, margins, runs, spot};
 pub use stream::{Analysis, Filtered, analyse, analyse_planned, plan};
 pub use tile_batch::TileBatch;
 pub use year::{YearMap, YearRows, year};
+pub use year_tiles::YearTiles;

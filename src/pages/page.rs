@@ -129,10 +129,14 @@ fn lit_area(codes: &[u64], depth: u32, edge_m: f64) -> f64 {
 
 /// What a search hands on about a photon.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Light {
+pub struct Light {
+    /// Flux, W.
     pub flux_w: f32,
+    /// Cosine of incidence: its normal times its direction.
     pub cos: f32,
+    /// Index of its timestep.
     pub timestep: u32,
+    /// The PV surface that sent it.
     pub surface: u16,
 }
 

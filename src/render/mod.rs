@@ -19,6 +19,7 @@ mod fixed;
 mod fused;
 mod gather;
 mod hits;
+mod loaded;
 mod mirror;
 mod order;
 mod palette;

@@ -30,10 +30,6 @@ pub struct Band {
 }
 
 impl Band {
-    #[cfg_attr(
-        not(test),
-        expect(dead_code, reason = "for verdicts, which say where noise decides")
-    )]
     /// Whether noise decides if `limit_h` is exceeded at a pixel; `None` where it does.
     pub fn exceeds(&self, pixel: (usize, usize), limit_h: f32) -> Option<bool> {
         match (self.low_h[pixel] > limit_h, self.high_h[pixel] > limit_h) {
@@ -154,7 +150,6 @@ pub(super) fn write(
 ///
 /// # Errors
 /// A file that isn't there or can't be read.
-#[expect(dead_code, reason = "for verdicts, which say where noise decides")]
 pub(super) fn read(
     job: &Job<'_>,
     candidate: &Candidate,

@@ -41,8 +41,8 @@ pub use fused::Fused;
 pub use gather::{Annual, EXACT_BITS, Gather, annual};
 pub use hits::{Hit, HitKind, HitMap, hits};
 pub use mirror::{
-    Lit, MirrorDay, MirrorReceiver, MirrorRule, MirrorRun, MirrorSummary, MirrorTimes, MirrorYear,
-    SEPARATION_DEG, points_on,
+    Anywhere, Lit, MirrorDay, MirrorReceiver, MirrorRule, MirrorRun, MirrorSummary, MirrorTimes,
+    MirrorYear, SEPARATION_DEG,
 };
 pub use series::{Quantity, Series, SeriesSummary, series};
 pub use surfaces::Surfaces;

@@ -14,6 +14,7 @@ mod confidence;
 mod direct;
 mod error;
 mod estimate;
+pub mod eye;
 mod facet;
 mod fixed;
 mod fused;

@@ -386,10 +386,10 @@ fn region(
     Ok(MirroredRegion {
         name: table.name.clone(),
         notes,
-        area_m2: samples.iter().map(|s| s.area_m2).sum(),
+        area_m2: samples.iter().fold(0.0, |sum, s| sum + s.area_m2),
         lit_points: years.iter().filter(|y| y.days > 0).count(),
         exceeding_points: years.iter().filter(exceeds).count(),
-        exceeding_m2: exceeding.map(|(s, _)| s.area_m2).sum(),
+        exceeding_m2: exceeding.fold(0.0, |sum, (s, _)| sum + s.area_m2),
         worst,
         worst_point,
         anywhere: teller.at(table.name.clone(), None, &anywhere.year()),

@@ -388,6 +388,23 @@ impl Resolved {
         key_of("glare", &(render_key, threshold, g.sigma, g.truncate, g.connectivity))
     }
 
+    /// What decides what the observers' eyes see, of all materials; `None` where nobody looks.
+    ///
+    /// # Errors
+    /// When the settings can't be hashed.
+    pub fn eyes_key(&self) -> Result<Option<String>, Error> {
+        let p = &self.project;
+        if p.observer.is_empty() {
+            return Ok(None);
+        }
+        let upstream = (self.scene_key()?, self.suns_key()?);
+        let made: Vec<_> = self.candidates.iter().map(|c| (&c.name, &c.models)).collect();
+        let g = &p.glare;
+        let judged = (&g.thresholds_w_m2, &g.quantity, g.sigma[0], g.truncate);
+        let clock = (&p.site.timezone, p.site.meridian);
+        key_of("eyes", &(upstream, made, &p.observer, judged, clock)).map(Some)
+    }
+
     /// What decides what is read off a set of points.
     ///
     /// # Errors

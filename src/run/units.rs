@@ -65,6 +65,9 @@ pub fn units(resolved: &Resolved) -> Result<Vec<Planned>, Error> {
             add(Stage::Render, unit, Some(render));
         }
     }
+    if let Some(key) = resolved.eyes_key()? {
+        add(Stage::Glare, stages::EYES_UNIT.into(), Some(key));
+    }
     add(Stage::Pictures, "pictures".into(), Some(stages::pictures_key(resolved)?));
     add(Stage::Report, "report".into(), None);
     all.sort_by_key(|p| p.stage);

@@ -4,6 +4,7 @@
 mod band;
 mod direct;
 mod events;
+mod eyes;
 mod fused;
 mod glare;
 mod judged;
@@ -17,6 +18,7 @@ mod suns;
 mod verdicts;
 mod year;
 
+pub(super) use eyes::UNIT as EYES_UNIT;
 pub(super) use glare::glare;
 pub use judged::Judgement;
 pub(super) use judged::read as read_judgements;

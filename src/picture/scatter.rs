@@ -65,7 +65,7 @@ const DECADE_X: i64 = 210;
 const DECADE_Y: i64 = 74;
 const LEFT: i64 = 92;
 const RIGHT: i64 = 30;
-const TOP: i64 = 86;
+const TOP: i64 = 104;
 const LINE: i64 = 20;
 
 impl Scatter {
@@ -141,7 +141,7 @@ impl Scatter {
         let middle = plot.x as f64 + 0.5 * (plot.width as f64 - wide);
         let style = Style::new(13.0, SOFT_INK);
         letters.draw(canvas, &self.x.label, (middle, plot.bottom() as f64 + 38.0), &style);
-        letters.draw(canvas, &self.y.label, (14.0, plot.y as f64 - 8.0), &style);
+        letters.draw(canvas, &self.y.label, (plot.x as f64, plot.y as f64 - 12.0), &style);
     }
 
     /// Draws the chart into a PNG, with `texts` (provenance) as text chunks.

@@ -21,6 +21,7 @@ mod fused;
 mod gather;
 mod hits;
 mod mirror;
+pub mod moment;
 mod order;
 mod palette;
 mod seen;

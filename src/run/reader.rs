@@ -1,6 +1,7 @@
 //! From the project file to what the rooms take; every mistake is named with its key. Here: the
 //! site, its times and its scene. [`settings`]: what is done with them.
 
+mod moments;
 mod receivers;
 mod settings;
 mod view_file;
@@ -14,7 +15,7 @@ use glam::DVec3;
 use super::error::Error;
 use super::manifest::hash_path;
 use super::project::{self, DayEntry, FileEntry, HorizonEntry, OriginEntry, Project};
-use super::resolve::RECEIVERS;
+use super::resolve::{MOMENTS, RECEIVERS};
 use crate::base::limits;
 use crate::site::{Files, Origin, PvArray, PvSpec, SceneFile, SceneSpec};
 use crate::sky::{DayRange, FarHorizon, HourRange, Irradiance, Place, SunModel, TimeSpec, Weather};
@@ -33,7 +34,7 @@ impl Reader<'_> {
     /// Names become folders, so they are checked together: what differs must not collide.
     pub fn names(&self) -> Result<(), Error> {
         let p = self.project;
-        let mut folders = BTreeSet::from(["log".to_owned(), RECEIVERS.to_owned()]);
+        let mut folders = BTreeSet::from(["log", RECEIVERS, MOMENTS].map(str::to_owned));
         let lists = [
             ("[[material]]", p.material.iter().map(|t| &t.name).collect::<Vec<_>>()),
             ("[[case]]", p.case.iter().map(|t| &t.name).collect()),
@@ -44,7 +45,7 @@ impl Reader<'_> {
                 self.check_name(table, name)?;
                 if !folders.insert(name.clone()) {
                     return Err(self.wrong(format!(
-                        "{table} \"{name}\": the name is taken; materials, cases and views share one folder, and `log` and `receivers` are ours"
+                        "{table} \"{name}\": the name is taken; materials, cases and views share one folder, and `log`, `receivers` and `moments` are ours"
                     )));
                 }
             }
@@ -89,6 +90,14 @@ impl Reader<'_> {
             }
         }
         Ok(())
+    }
+
+    pub fn day(&self, entry: &DayEntry, key: &str) -> Result<u32, Error> {
+        match entry {
+            DayEntry::Number(n) => Ok(*n),
+            DayEntry::Date(text) => crate::sky::parse_day(text, self.project.time.year)
+                .map_err(|e| self.wrong(format!("{key}: {e}"))),
+        }
     }
 
     fn check_name(&self, table: &str, name: &str) -> Result<(), Error> {
@@ -153,16 +162,11 @@ impl Reader<'_> {
                 )));
             }
         };
-        let day = |entry: &DayEntry, key: &str| match entry {
-            DayEntry::Number(n) => Ok(*n),
-            DayEntry::Date(text) => crate::sky::parse_day(text, t.year)
-                .map_err(|e| self.wrong(format!("time.days.{key}: {e}"))),
-        };
         Ok(TimeSpec {
             year: t.year,
             days: DayRange {
-                from: day(&t.days.from, "from")?,
-                to: day(&t.days.to, "to")?,
+                from: self.day(&t.days.from, "time.days.from")?,
+                to: self.day(&t.days.to, "time.days.to")?,
                 step: t.days.step,
             },
             hours: HourRange { from: t.hours.from, to: t.hours.to, step: t.hours.step },

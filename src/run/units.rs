@@ -69,6 +69,9 @@ pub fn units(resolved: &Resolved) -> Result<Vec<Planned>, Error> {
         add(Stage::Glare, stages::EYES_UNIT.into(), Some(key));
     }
     add(Stage::Pictures, "pictures".into(), Some(stages::pictures_key(resolved)?));
+    if let Some(key) = resolved.moments_key()? {
+        add(Stage::Pictures, stages::MOMENTS_UNIT.into(), Some(key));
+    }
     add(Stage::Report, "report".into(), None);
     all.sort_by_key(|p| p.stage);
     Ok(all)

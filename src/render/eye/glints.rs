@@ -67,6 +67,17 @@ impl<'a> EyeMaterial<'a> {
         Self { bsdf, width }
     }
 
+    /// How it scatters.
+    pub fn bsdf(&self) -> &'a Bsdf {
+        self.bsdf
+    }
+
+    /// Radiance of a point of PV that the sun lights, W/m2/sr; directions in the PV's frame.
+    pub fn shine(&self, sun: &SunAt, to_sun: DVec3, out: DVec3) -> f64 {
+        let half = (to_sun + out).normalize_or_zero();
+        self.radiance(sun, to_sun, out, (half.x * half.x + half.y * half.y).sqrt())
+    }
+
     /// Radiance of a point of PV, W/m2/sr: the sun's disc is integrated where the lobe is narrow,
     /// and mirrored where the material mirrors. Directions in the PV's frame; `tilt`: of the half
     /// vector.

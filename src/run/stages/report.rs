@@ -6,6 +6,7 @@ use glintmap_formats::seal;
 use serde_json::json;
 
 use super::judged::{self, Judgement};
+use super::moments;
 use super::people;
 use super::photons::Traced;
 use super::pictures::read;
@@ -15,7 +16,7 @@ use crate::run::Error;
 use crate::run::clock::Clock;
 use crate::run::job::{Job, Stage};
 use crate::run::manifest::key_of;
-use crate::run::resolve::{Candidate, PlannedView};
+use crate::run::resolve::{Candidate, PlannedMoment, PlannedView};
 
 /// Events that the report lists for a material, view and threshold.
 const EVENTS: usize = 5;
@@ -25,7 +26,8 @@ pub(in crate::run) fn report(job: &mut Job<'_>) -> Result<(), Error> {
     let pictures = job.manifest.units.get("pictures").map(|u| u.key.clone());
     let p = &job.resolved.project;
     let eyes = job.resolved.eyes_key()?;
-    let facts = (pictures, eyes, &job.resolved.rules, &p.observer, &p.region);
+    let facts =
+        (pictures, eyes, job.resolved.moments_key()?, &job.resolved.rules, &p.observer, &p.region);
     let key = key_of("report", &facts)?;
     if !job.needs(Stage::Report, "report", &key) {
         return Ok(());
@@ -69,6 +71,7 @@ fn document(job: &Job<'_>, key: &str, judgements: &[Judgement]) -> Result<Docume
     for candidate in &resolved.candidates {
         document.sections.push(pictures_of(job, candidate)?);
     }
+    document.sections.extend(moments(job));
     document.sections.push(limits_of_it(job));
     Ok(document)
 }
@@ -253,6 +256,33 @@ fn pictures_of(job: &Job<'_>, candidate: &Candidate) -> Result<Section, Error> {
     }
     Ok(Section {
         heading: format!("Maps of “{}”", candidate.name), figures, ..Section::default()
+    })
+}
+
+/// Pictures of luminances, a part for each moment.
+fn moments(job: &Job<'_>) -> Option<Section> {
+    let one = |moment: &PlannedMoment| {
+        let mut figures = Vec::new();
+        for candidate in &job.resolved.candidates {
+            let [plain, luminance] = moments::pictures(job, candidate, moment);
+            for (png, words) in [(plain, "as seen"), (luminance, "luminance")] {
+                if job.folder.at(&png).exists() {
+                    figures.push(Figure {
+                        path: png.to_string_lossy().replace('\\', "/"),
+                        caption: format!("{}, {}: {words}", candidate.name, moment.name),
+                    });
+                }
+            }
+        }
+        let heading = format!("{} ({})", moments::when(job, moment), moment.name);
+        Section { heading, figures, ..Section::default() }
+    };
+    let parts: Vec<Section> = job.resolved.moments.iter().map(one).collect();
+    (!parts.is_empty()).then(|| Section {
+        heading: "At a moment".into(),
+        text: vec!["The scene as an eye sees it in the sun under a clear sky, each picture exposed for itself; luminances on one scale. The HDR files beside them hold radiances (179 lm/W); those of half a sphere are for evalglare.".into()],
+        parts,
+        ..Section::default()
     })
 }
 

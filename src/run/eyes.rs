@@ -43,7 +43,7 @@ pub struct EyeYear {
     pub point: [f64; 3],
     /// Where it looks; to the middle of the PV where the project says nothing.
     pub direction: [f64; 3],
-    /// All PV in sight, sr.
+    /// All PV in sight, sr; in the month with most where crowns let light through.
     pub pv_sr: f64,
     /// To the nearest PV in sight, m.
     pub nearest_m: Option<f64>,
@@ -131,14 +131,20 @@ pub struct Thresholds<'a> {
     pub filter: &'a Kernel,
 }
 
+/// What an eye has in sight: once, or for each month where crowns let light through.
+pub fn sights(pv: &EyePv<'_>, eye: Eye) -> Vec<Seen> {
+    let months = if pv.has_seasons() { 12 } else { 1 };
+    (0..months).into_par_iter().map(|month| pv.seen(eye, month)).collect()
+}
+
 /// The instants of an eye's year, by timestep, for each material. `materials`: how each PV surface
-/// scatters, for each candidate.
+/// scatters, for each candidate; `seen`: see [`sights`].
 ///
 /// # Errors
 /// Interruption.
 pub fn instants(
     pv: &EyePv<'_>,
-    seen: &Seen,
+    seen: &[Seen],
     timeline: &Timeline,
     materials: &[Vec<EyeMaterial<'_>>],
     progress: &dyn Progress,
@@ -146,6 +152,8 @@ pub fn instants(
     let one = |step: &crate::base::Timestep| {
         progress.check().map_err(crate::render::Error::from)?;
         let mut out = vec![EyeInstant::default(); materials.len()];
+        let month = sky::date_of_day(timeline.year, step.day).0.saturating_sub(1) as usize;
+        let seen = &seen[month % seen.len()];
         if seen.solid_angle_sr <= 0.0 || step.irradiance_w_m2 <= 0.0 {
             return Ok(out);
         }
@@ -154,7 +162,7 @@ pub fn instants(
             irradiance_w_m2: step.irradiance_w_m2,
             diameter_deg: timeline.sun_diameter_deg,
         };
-        let lit = pv.lit(sun.direction, &[seen]);
+        let lit = pv.lit(sun.direction, seen, month);
         let mut glints = Vec::new();
         for (out, materials) in out.iter_mut().zip(materials) {
             pv.look(seen, &lit, &sun, materials, &mut glints);
@@ -171,7 +179,7 @@ impl EyeYear {
     /// Sums an eye's instants up.
     pub fn of(
         looker: &Looker,
-        seen: &Seen,
+        seen: &[Seen],
         axis: &TimeAxis,
         instants: &[EyeInstant],
         thresholds: &Thresholds<'_>,
@@ -204,6 +212,7 @@ impl EyeYear {
         ] {
             count(measure, &|i| zone_of(i) == zone);
         }
+        let nearest_m = seen.iter().fold(f64::INFINITY, |least, s| s.nearest_m.min(least));
         let values: Vec<f64> = instants.iter().map(|i| thresholds.of(i)).collect();
         let filtered = smoothed(&axis.segment, &values, thresholds.filter);
         for &threshold in thresholds.irradiances_w_m2 {
@@ -215,8 +224,8 @@ impl EyeYear {
             name: looker.name.clone(),
             point: looker.eye.position.to_array(),
             direction: looker.eye.direction.to_array(),
-            pv_sr: seen.solid_angle_sr,
-            nearest_m: seen.nearest_m.is_finite().then_some(seen.nearest_m),
+            pv_sr: seen.iter().fold(0.0, |most, s| s.solid_angle_sr.max(most)),
+            nearest_m: Some(nearest_m).filter(|m| m.is_finite()),
             exposure_wh_m2: exposure.fold(0.0, |sum, v| sum + v),
             irradiance_w_m2: largest(&|i| i.surface_w_m2),
             normal_w_m2: largest(&|i| i.normal_w_m2),

@@ -45,6 +45,9 @@ pub struct Project {
     /// Façades, roads, plots.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub region: Vec<RegionTable>,
+    /// Crowns that let light through in some months.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub season: Vec<SeasonTable>,
     /// Luminance pictures.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub moment: Vec<MomentTable>,
@@ -404,6 +407,16 @@ pub struct RegionTable {
     pub spacing_m: Option<f64>,
     /// `dwelling`, `office`, `outdoor`, `road`, …; every limit applies if left out.
     pub class: Option<Class>,
+}
+
+/// `[[season]]`
+#[derive(Clone, Debug, Deserialize, Serialize)]
+#[serde(deny_unknown_fields)]
+pub struct SeasonTable {
+    /// Name of the crowns' material.
+    pub modifier: String,
+    /// Share of the light that passes a crown, for each month from January.
+    pub transmittance: Vec<f64>,
 }
 
 /// `[[moment]]`: a picture of luminances at an instant, for each material.

@@ -17,7 +17,7 @@ use super::manifest::hash_path;
 use super::project::{self, DayEntry, FileEntry, HorizonEntry, OriginEntry, Project};
 use super::resolve::{MOMENTS, RECEIVERS};
 use crate::base::limits;
-use crate::site::{Files, Origin, PvArray, PvSpec, SceneFile, SceneSpec};
+use crate::site::{Files, Origin, PvArray, PvSpec, SceneFile, SceneSpec, Season};
 use crate::sky::{DayRange, FarHorizon, HourRange, Irradiance, Place, SunModel, TimeSpec, Weather};
 
 /// Reads a plan off a project file, table by table.
@@ -269,8 +269,35 @@ impl Reader<'_> {
             convergence_at: s.north_deg.is_none().then_some([site.latitude, site.longitude]),
             reflectance: s.reflectance.clone(),
             arrays: self.arrays(),
+            seasons: self.seasons()?,
             origin,
         })
+    }
+
+    fn seasons(&self) -> Result<Vec<Season>, Error> {
+        let mut out: Vec<Season> = Vec::new();
+        for t in &self.project.season {
+            let name = &t.modifier;
+            let wrong = |what: String| self.wrong(format!("[[season]] \"{name}\": {what}"));
+            let found = t.transmittance.len();
+            let transmittance =
+                <[f64; 12]>::try_from(t.transmittance.as_slice()).map_err(|_| {
+                    wrong(format!("transmittance: expected 12 numbers, one a month, found {found}"))
+                })?;
+            if let Some(found) = transmittance.iter().find(|v| !(0.0..=1.0).contains(*v)) {
+                return Err(wrong(format!("transmittance: expected 0 to 1, found {found}")));
+            }
+            if out.iter().any(|s| s.modifier == *name) {
+                return Err(wrong("the material is there twice".into()));
+            }
+            if self.project.time.half_year {
+                return Err(wrong(
+                    "time.half_year lets spring stand for autumn, whose leaves are others; compute the whole year".into(),
+                ));
+            }
+            out.push(Season { modifier: name.clone(), transmittance });
+        }
+        Ok(out)
     }
 
     fn arrays(&self) -> Vec<(String, PvArray)> {

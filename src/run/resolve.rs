@@ -293,7 +293,11 @@ impl Resolved {
         }
         // By the projection the site's place says where north lies.
         let place = self.scene.convergence_at;
-        key_of("scene", &(scene, &self.project.pv, &self.inputs, place))
+        let scene = (scene, &self.project.pv, &self.inputs, place);
+        match self.scene.seasons.as_slice() {
+            [] => key_of("scene", &scene),
+            seasons => key_of("scene", &(scene, seasons)),
+        }
     }
 
     /// The timesteps: the suns above the horizon, the far one as well.

@@ -67,6 +67,12 @@ impl<'a> EyeMaterial<'a> {
         Self { bsdf, width }
     }
 
+    /// Half-width of its lobe as tilts of half vectors, rad; 0 where it mirrors, infinite where it
+    /// has none.
+    pub fn width(&self) -> f64 {
+        self.width
+    }
+
     /// How it scatters.
     pub fn bsdf(&self) -> &'a Bsdf {
         self.bsdf

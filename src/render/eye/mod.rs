@@ -9,9 +9,11 @@ mod glints;
 pub mod hazard;
 mod instant;
 mod patches;
+mod sweep;
 #[cfg(test)]
 mod tests;
 
 pub use glints::{EyeMaterial, Glint, SunAt};
 pub use instant::{Brightest, EyeInstant};
 pub use patches::{Eye, EyePv, LitPv, Seen};
+pub use sweep::{Sweep, SweepLimits, Sweeper};

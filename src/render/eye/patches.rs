@@ -122,6 +122,13 @@ pub struct LitPv {
     pub(super) shares: Shares,
 }
 
+impl LitPv {
+    /// As if nothing stood between PV and sun.
+    pub fn open(pv: &EyePv<'_>) -> Self {
+        Self { shares: vec![1.0; pv.middles.len()] }
+    }
+}
+
 impl<'a> EyePv<'a> {
     /// Cuts the PV into cells.
     pub fn new(site: &'a Site) -> Self {
@@ -148,8 +155,13 @@ impl<'a> EyePv<'a> {
         Self { site, facets, roots, middles }
     }
 
-    /// What an eye sees of the PV.
-    pub fn seen(&self, eye: Eye) -> Seen {
+    /// Whether crowns let light through in some months, so that what is seen depends on them.
+    pub fn has_seasons(&self) -> bool {
+        self.site.crowns.is_some()
+    }
+
+    /// What an eye sees of the PV in a month from 0 (January).
+    pub fn seen(&self, eye: Eye, month: usize) -> Seen {
         let place = eye.position + eye.direction * LIFT_M;
         let mut shares = vec![0.0; self.middles.len()];
         let (mut solid_angle_sr, mut nearest_m) = (0.0, f64::INFINITY);
@@ -166,9 +178,13 @@ impl<'a> EyePv<'a> {
                 let behind = eye.direction.dot(way) >= 0.0;
                 let end = (length - 0.5 * LIFT_M).max(0.0) as f32;
                 let towards = (way / length).as_vec3();
-                if !behind && !self.site.bvh.occluded(start.as_vec3(), towards, 0.0, end) {
-                    shares[i] = 1.0;
-                    count += 1.0;
+                if behind {
+                    continue;
+                }
+                let share = self.site.transmittance(start.as_vec3(), towards, end, month);
+                if share > 0.0 {
+                    shares[i] = share;
+                    count += f64::from(share);
                     nearest_m = nearest_m.min(length);
                 }
             }
@@ -191,14 +207,53 @@ impl<'a> EyePv<'a> {
             return 0.0;
         }
         if count == range.len() as f64 || patch.level >= root.level {
-            return patch.solid_angle_sr(place);
+            return patch.solid_angle_sr(place) * count / range.len() as f64;
         }
         let of = |part: &Patch| shares[root.range(part)].iter().map(|s| f64::from(*s)).sum();
         patch.parts().iter().map(|p| self.in_sight_sr(root, p, place, shares, of(p))).sum()
     }
 
-    /// Which of the cells a sun lights; only those are asked that any of `wanted` has in sight.
-    pub fn lit(&self, sun: DVec3, wanted: &[&Seen]) -> LitPv {
+    /// Calls `each` with the cells in sight before which a sun stands: half vector in the facet's
+    /// frame, not normalised, and the angle that the cell spans.
+    fn halves(&self, seen: &Seen, sun: DVec3, mut each: impl FnMut(DVec3, f64)) {
+        for root in &self.roots {
+            let facet = &self.facets[root.facet];
+            if facet.before_m(seen.eye.position) <= 0.0 {
+                continue;
+            }
+            let to_sun = facet.frame.local_from_world(sun);
+            let radius_m = root.whole.radius_m() / f64::from(1_u32 << root.level);
+            for i in root.first..root.first + root.cells() {
+                if seen.shares[i] > 0.0 {
+                    let way = seen.eye.position - self.middles[i];
+                    let away_m = way.length();
+                    let out = facet.frame.local_from_world(way / away_m);
+                    each(to_sun + out, radius_m / away_m);
+                }
+            }
+        }
+    }
+
+    /// The smallest cosine between half vectors and the directions to the sun.
+    pub(super) fn least_cos(&self, seen: &Seen, sun: DVec3) -> f64 {
+        let mut least = 1.0_f64;
+        self.halves(seen, sun, |half, _| least = least.min(0.5 * half.length()));
+        least
+    }
+
+    /// The smallest tilt of half vectors against the PV's normal, rad; at most that.
+    pub(super) fn least_tilt(&self, seen: &Seen, sun: DVec3) -> f64 {
+        let mut least = f64::INFINITY;
+        self.halves(seen, sun, |half, angle| {
+            let length = half.length().max(1e-12);
+            let tilt = (half.x * half.x + half.y * half.y).sqrt() / length;
+            least = least.min(tilt - 0.5 * angle / (0.5 * length).max(0.05));
+        });
+        least
+    }
+
+    /// Which of the cells a sun lights in a month; only those are asked that `seen` has in sight.
+    pub fn lit(&self, sun: DVec3, seen: &Seen, month: usize) -> LitPv {
         let mut shares = vec![0.0; self.middles.len()];
         for root in &self.roots {
             let facet = &self.facets[root.facet];
@@ -206,13 +261,9 @@ impl<'a> EyePv<'a> {
                 continue;
             }
             for i in root.first..root.first + root.cells() {
-                if wanted.iter().all(|seen| seen.shares[i] == 0.0) {
-                    continue;
-                }
-                let start = facet.lifted(self.middles[i]).as_vec3();
-                let bvh = &self.site.bvh;
-                if !bvh.occluded(start, sun.as_vec3(), 0.0, f32::INFINITY) {
-                    shares[i] = 1.0;
+                if seen.shares[i] > 0.0 {
+                    let start = facet.lifted(self.middles[i]).as_vec3();
+                    shares[i] = self.site.transmittance(start, sun.as_vec3(), f32::INFINITY, month);
                 }
             }
         }

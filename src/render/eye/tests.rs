@@ -3,7 +3,7 @@ use std::f64::consts::PI;
 use glam::{DVec3, Vec3};
 
 use super::hazard::{HazardZone, zone};
-use super::{Eye, EyeInstant, EyeMaterial, EyePv, Glint, SunAt};
+use super::{Eye, EyeInstant, EyeMaterial, EyePv, Glint, SunAt, SweepLimits, Sweeper};
 use crate::base::{Silent, SpectralBasis, Timeline, Timestep};
 use crate::render::{Direct, DirectScene, DirectScratch, DirectYear, PvSight};
 use crate::site::bsdf::{Bsdf, Model};
@@ -59,8 +59,8 @@ fn sun(x: f64, y: f64) -> SunAt {
 
 fn look(site: &Site, bsdf: &Bsdf, sun: &SunAt) -> (Vec<Glint>, EyeInstant) {
     let pv = EyePv::new(site);
-    let seen = pv.seen(eye(AT));
-    let lit = pv.lit(sun.direction, &[&seen]);
+    let seen = pv.seen(eye(AT), 0);
+    let lit = pv.lit(sun.direction, &seen, 0);
     let mut glints = Vec::new();
     pv.look(&seen, &lit, sun, &[EyeMaterial::new(bsdf)], &mut glints);
     let instant = EyeInstant::of(&seen.eye, &mut glints);
@@ -87,7 +87,7 @@ fn an_even_surface_shines_evenly() {
         solid += (8.0 / n as f64).powi(2) * way.z / way.length().powi(3);
     }
     assert!((instant.lit_sr / solid - 1.0).abs() < 1e-4, "{} {solid}", instant.lit_sr);
-    let seen = EyePv::new(&site).seen(eye(AT));
+    let seen = EyePv::new(&site).seen(eye(AT), 0);
     assert!((seen.solid_angle_sr / solid - 1.0).abs() < 1e-4);
 }
 
@@ -175,11 +175,71 @@ fn what_lies_behind_the_eye_or_in_shadow_is_not_seen() {
     let scene = site(4.0, &[]);
     let pv = EyePv::new(&scene);
     let away = Eye { position: AT, direction: AT.normalize() };
-    assert_eq!(pv.seen(away).solid_angle_sr, 0.0);
-    assert_eq!(pv.seen(eye(-AT)).solid_angle_sr, 0.0, "below it");
+    assert_eq!(pv.seen(away, 0).solid_angle_sr, 0.0);
+    assert_eq!(pv.seen(eye(-AT), 0).solid_angle_sr, 0.0, "below it");
     let roof = [[-9.0, -9.0, 20.0], [9.0, -9.0, 20.0], [9.0, 9.0, 20.0], [-9.0, 9.0, 20.0]];
     let shaded = site(4.0, &[roof.map(Vec3::from_array)]);
     let high = SunAt { direction: DVec3::Z, irradiance_w_m2: DNI, diameter_deg: 0.5 };
     assert!(look(&scene, &glass, &high).1.normal_w_m2 > 0.0);
     assert_eq!(look(&shaded, &glass, &high).1, EyeInstant::default());
+}
+
+/// Every third day of a year, minute by minute: what the adaptive sweep finds is what looking at
+/// each minute finds, with a fraction of the looks.
+#[test]
+fn a_sweep_misses_nothing() {
+    use crate::sky::{DayRange, HourRange, Irradiance, Place, SunModel, TimeSpec};
+    // Walls that throw shadows onto the square and hide parts of it.
+    let wall = |x: f32, low: f32, high: f32, top: f32| {
+        [[x, low, 0.0], [x, high, 0.0], [x, high, top], [x, low, top]].map(Vec3::from_array)
+    };
+    let scene = site(4.0, &[wall(7.0, -1.0, 0.5, 4.0), wall(-6.0, 1.0, 9.0, 2.5)]);
+    let place = Place {
+        latitude_deg: 47.038,
+        longitude_deg: 8.312,
+        meridian_deg: 15.0,
+        elevation_m: 450.0,
+    };
+    let spec = TimeSpec {
+        year: 2025,
+        days: DayRange { from: 1, to: 364, step: 13 },
+        hours: HourRange { from: 0.0, to: 23.99, step: 1.0 / 60.0 },
+        sun: SunModel::Gensky,
+        irradiance: Irradiance::ClearSky,
+        half_year: false,
+    };
+    let timeline = crate::sky::timeline(&place, &spec).expect("suns");
+    let pv = EyePv::new(&scene);
+    let limits = SweepLimits {
+        irradiances_w_m2: vec![1.0, 10.0, 30.0],
+        normal: false,
+        radiances_w_m2_sr: vec![300.0, 500.0],
+    };
+    let glass = |alpha| Model::PvGlass { index: 1.52, ggx_alpha: alpha, cell_reflectance: 0.04 };
+    let models = [glass(0.3), glass(0.05), glass(0.01), Model::Glass { index: 1.52 }];
+    for (model, most_looks) in models.into_iter().zip([0.5, 0.3, 0.2, 0.2]) {
+        let bsdf = bsdf(model);
+        let materials = [EyeMaterial::new(&bsdf)];
+        let (mut looked, mut lit) = (0, 0);
+        for at in [AT, DVec3::new(-20.0, -12.0, 3.0), DVec3::new(-9.0, 5.0, 6.0)] {
+            let seen = [pv.seen(eye(at), 0)];
+            let sweeper = Sweeper {
+                pv: &pv,
+                seen: &seen,
+                timeline: &timeline,
+                materials: &materials,
+                limits: &limits,
+            };
+            let full = sweeper.run(1, &Silent).expect("runs");
+            assert_eq!(full.looked, timeline.steps.len());
+            let sweep = sweeper.run(15, &Silent).expect("runs");
+            let differ = sweep.exceeded.iter().zip(&full.exceeded).filter(|(a, b)| a != b).count();
+            assert_eq!(differ, 0, "of {}", timeline.steps.len());
+            looked += sweep.looked;
+            lit += full.exceeded.iter().filter(|e| **e != 0).count();
+        }
+        let share = looked as f64 / (3 * timeline.steps.len()) as f64;
+        println!("width {}: {lit} minutes lit, looked at {share:.3}", materials[0].width());
+        assert!(lit > 50 && share < most_looks, "{lit} {share}");
+    }
 }

@@ -20,7 +20,7 @@ use crate::render::eye::{Eye, EyeInstant, EyeMaterial, EyePv};
 use crate::run::Error;
 use crate::run::clock::Clock;
 use crate::run::eyes::{
-    EyeYear, EyeYears, Looker, Measure, Thresholds, azimuth_altitude_deg, instants, zone_of,
+    EyeYear, EyeYears, Looker, Measure, Thresholds, azimuth_altitude_deg, instants, sights, zone_of,
 };
 use crate::run::job::{Job, Stage};
 use crate::run::points::Spreader;
@@ -63,7 +63,7 @@ pub(in crate::run) fn eyes(job: &mut Job<'_>) -> Result<(), Error> {
     let mut outputs = Vec::new();
     job.progress.begin("eyes", lookers.len() as u64, "observers");
     for (number, looker) in lookers.iter().enumerate() {
-        let seen = pv.seen(looker.eye);
+        let seen = sights(&pv, looker.eye);
         let years = instants(&pv, &seen, timeline, &bsdfs, job.progress)?;
         for ((candidate, instants), sheets) in
             resolved.candidates.iter().zip(&years).zip(&mut sheets)

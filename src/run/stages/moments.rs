@@ -189,8 +189,9 @@ fn facts(
         return Ok(out);
     }
     let pv = EyePv::new(job.site()?);
-    let seen = pv.seen(Eye { position: view.point(), direction: view.direction() });
-    let lit = pv.lit(sun.direction, &[&seen]);
+    let month = sky::date_of_day(job.resolved.times.year, moment.day).0.saturating_sub(1) as usize;
+    let seen = pv.seen(Eye { position: view.point(), direction: view.direction() }, month);
+    let lit = pv.lit(sun.direction, &seen, month);
     let mut glints = Vec::new();
     pv.look(&seen, &lit, sun, materials, &mut glints);
     let eye = EyeInstant::of(&seen.eye, &mut glints);

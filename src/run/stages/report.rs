@@ -16,7 +16,7 @@ use crate::run::Error;
 use crate::run::clock::Clock;
 use crate::run::job::{Job, Stage};
 use crate::run::manifest::key_of;
-use crate::run::resolve::{Candidate, PlannedMoment, PlannedView};
+use crate::run::resolve::{Candidate, PlannedMoment, PlannedView, Resolved};
 
 /// Events that the report lists for a material, view and threshold.
 const EVENTS: usize = 5;
@@ -259,6 +259,21 @@ fn pictures_of(job: &Job<'_>, candidate: &Candidate) -> Result<Section, Error> {
     })
 }
 
+/// How trees were taken.
+fn trees(resolved: &Resolved) -> String {
+    let one = |s: &crate::site::Season| {
+        let list: Vec<String> = s.transmittance.iter().map(|t| format!("{t}")).collect();
+        format!("“{}” {}", s.modifier, list.join(" "))
+    };
+    match resolved.scene.seasons.as_slice() {
+        [] => "Trees are opaque all year.".into(),
+        seasons => format!(
+            "Crowns let light through by month, each as a whole (January to December: {}); all else is opaque. Pictures draw crowns as they stand in the model, and the mirror rule takes them as opaque.",
+            seasons.iter().map(one).collect::<Vec<_>>().join("; ")
+        ),
+    }
+}
+
 /// Pictures of luminances, a part for each moment.
 fn moments(job: &Job<'_>) -> Option<Section> {
     let one = |moment: &PlannedMoment| {
@@ -295,7 +310,8 @@ fn limits_of_it(job: &Job<'_>) -> Section {
     };
     let mut text = vec![
         format!(
-            "{sky} Trees are opaque all year. Light is followed from the PV to the first surface; what that surface reflects again is left out. Beyond {} m from the PV nothing is computed.",
+            "{sky} {} Light is followed from the PV to the first surface; what that surface reflects again is left out. Beyond {} m from the PV nothing is computed.",
+            trees(resolved),
             resolved.trace.max_path_m
         ),
         format!(

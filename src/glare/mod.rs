@@ -8,6 +8,7 @@
 //!
 //! [`Slices`] → `smooth` → `threshold` → `label` → `duration`, `event`; `rules` judge.
 
+mod counts;
 mod duration;
 mod error;
 mod event;
@@ -15,6 +16,7 @@ mod events;
 mod kernel;
 mod label;
 mod paged;
+mod passes;
 mod plan;
 mod regular;
 pub mod rules;
@@ -22,6 +24,7 @@ mod runs;
 mod session;
 mod settings;
 mod sheet;
+mod slab;
 mod slices;
 mod smooth;
 mod spot;
@@ -31,6 +34,7 @@ mod threshold;
 mod tile_batch;
 mod track;
 mod vector;
+mod wave;
 mod window;
 mod year;
 mod year_tiles;

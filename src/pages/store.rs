@@ -317,6 +317,7 @@ impl Store {
             let what = format!("field `checksum`: the directory has {:08x}", entry.checksum);
             return Err(self.damaged(number, what));
         }
+        self.bytes.release(self.head + entry.offset, entry.length as usize);
         let page = Page::new(&columns);
         if page.photons != entry.photons as usize {
             let what = format!("{} photons, the directory has {}", page.photons, entry.photons);

@@ -104,7 +104,7 @@ pub(super) fn each_slice(
         let last = (first / unit * unit + step).min(range.end);
         let (count, part) = (last - first, &mut numbers[..(last - first) * pixels]);
         source
-            .read_lit(first..last, part, &mut lit[..count * blocks.len()])
+            .read_lit(first..last, 0..rows, part, &mut lit[..count * blocks.len()])
             .map_err(crate::glare::Error::from)?;
         for (i, slice) in part.chunks_exact(pixels).enumerate() {
             each(first + i, slice);

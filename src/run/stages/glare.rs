@@ -33,7 +33,8 @@ pub(in crate::run) fn glare(job: &mut Job<'_>) -> Result<(), Error> {
             }
         }
     }
-    super::receivers::received(job)
+    super::receivers::received(job)?;
+    super::eyes::eyes(job)
 }
 
 fn one(

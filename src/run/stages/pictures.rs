@@ -46,6 +46,11 @@ struct Quantity {
 
 /// Draws everything.
 pub(in crate::run) fn pictures(job: &mut Job<'_>) -> Result<(), Error> {
+    maps(job)?;
+    super::moments::moments(job)
+}
+
+fn maps(job: &mut Job<'_>) -> Result<(), Error> {
     let key = key(job.resolved)?;
     if !job.needs(Stage::Pictures, "pictures", &key) {
         return Ok(());

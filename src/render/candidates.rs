@@ -111,7 +111,7 @@ impl Candidates {
         loaded: &Loaded,
         centre: Vec3,
         radius_m: f32,
-        accept: Option<impl Fn(Vec3, Vec3) -> bool>,
+        accept: Option<&impl Fn(Vec3, Vec3) -> bool>,
     ) {
         (self.centre, self.radius_m) = (centre, radius_m);
         let wide = radius_m * (1.0 + 2.0 * SLACK) + 1e-6;

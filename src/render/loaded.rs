@@ -88,7 +88,7 @@ impl Loaded {
         &self,
         point: Vec3,
         distance2_m2: f32,
-        accept: Option<impl Fn(Vec3, Vec3) -> bool>,
+        accept: Option<&impl Fn(Vec3, Vec3) -> bool>,
         out: &mut Vec<u32>,
     ) {
         out.clear();
@@ -115,7 +115,7 @@ impl Loaded {
                 room[kept % BLOCK] = (from + i) as u32;
                 kept += usize::from(near <= distance2_m2);
             }
-            if let Some(accept) = &accept {
+            if let Some(accept) = accept {
                 let listed = kept;
                 kept = 0;
                 for i in 0..listed {

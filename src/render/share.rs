@@ -433,7 +433,7 @@ impl<'a> Shared<'a> {
                 let (photons, accept) = if whole {
                     (&*loaded, None)
                 } else if worth {
-                    own.take(loaded, &accept);
+                    own.take(loaded, accept);
                     (&*own, None)
                 } else {
                     (&*loaded, Some(&accept))

@@ -5,6 +5,7 @@ use jiff::tz::TimeZone;
 use jiff::{SignedDuration, Timestamp};
 
 use super::project::SiteTable;
+use crate::volume::TimeAxis;
 
 /// Turns (day of year, hour of local standard time) into dates and civil times.
 #[derive(Clone, Debug)]
@@ -60,6 +61,12 @@ impl Clock {
         let standard_s = (self.meridian_deg * 240.0).round();
         let utc = start + SignedDuration::from_secs_f64((seconds - standard_s).round());
         hour + (f64::from(zone.to_offset(utc).seconds()) - standard_s) / 3600.0
+    }
+
+    /// What clocks show at each timestep of an axis, h from midnight.
+    pub fn hours(&self, axis: &TimeAxis) -> Vec<f64> {
+        let at = |(day, hour): (&u32, &f64)| self.civil_hour(*day, *hour).rem_euclid(24.0);
+        axis.day.iter().zip(&axis.hour).map(at).collect()
     }
 
     /// The zone's name as people know it.

@@ -101,7 +101,7 @@ fn maps_of_the_year_are_those_of_sorted_lists() {
             found.entry(map.name()).or_default().extend_from_slice(band);
             Ok(())
         };
-        assert!(glare::year(&volume, f64::from(threshold), &mut take, &Silent).unwrap());
+        assert!(glare::year(&volume, f64::from(threshold), None, &mut take, &Silent).unwrap());
         let maps = YearMap::all(axis);
         assert_eq!(maps.len(), if half_year { 8 } else { 20 });
         assert_eq!(found.len(), maps.len());

@@ -76,7 +76,7 @@ impl Demand {
     fn plan(&self, settings: &Settings) -> Result<Plan, Error> {
         let slice_bytes = 4 * self.pixels();
         let small = usize::try_from(SMALL_BLOCK_BYTES / slice_bytes).unwrap_or(MAX_BLOCK);
-        let block = self.chunk_timesteps.max(small).max(BLOCK).min(MAX_BLOCK);
+        let block = self.chunk_timesteps.max(small).clamp(BLOCK, MAX_BLOCK);
         let steps = [(BATCH, block), (BATCH, BLOCK), (BATCH, BATCH), (4, 4), (2, 2), (1, 1)];
         let limit = settings.memory_bytes;
         let roomy = steps.iter().find(|(batch, block)| self.bytes(*batch, *block) <= limit / 4 * 3);

@@ -352,7 +352,7 @@ fn unfiltered(
             picture: None,
             channel: channel.into(),
             title: format!("{title} above {t} {watts}"),
-            legend: format!("above {t} {watts}"),
+            legend: if unit == "h" { "clock time".into() } else { "days with glare".into() },
             bare: "no colour: never above the threshold".into(),
             caption: format!("{meaning} Irradiance {what}, unfiltered."),
             scale,

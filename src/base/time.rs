@@ -12,6 +12,18 @@ pub enum SpectralBasis {
     Visible,
 }
 
+impl SpectralBasis {
+    /// Lumens of a watt of sunlight. Of broadband direct sun it is 95 to 110 lm/W for high suns and
+    /// 70 for one at 10 degrees (Littlefair 1988, Lighting Res. Technol. 20, 177): 100 is taken for
+    /// all, so that luminances of low suns come out rather too large.
+    pub fn lm_per_w(self) -> f64 {
+        match self {
+            Self::Broadband => 100.0,
+            Self::Visible => 179.0,
+        }
+    }
+}
+
 /// One instant of the year that is computed, with its sun above the horizon.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Timestep {

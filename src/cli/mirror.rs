@@ -5,17 +5,18 @@ use glam::DVec3;
 use glintmap_formats::seal;
 
 use super::Context;
-use crate::run::mirror::{MirrorAsked, Mirrored, mirror};
+use crate::run::mirror::{MirrorAsked, Mirrored, MirroredAt, mirror};
 use crate::run::{Assignment, Resolved};
 
 /// The authorities' mirror rule: at this window, when and for how long?
 #[derive(Debug, clap::Args)]
 #[command(after_help = "\
 Examples:
-  glintmap mirror church                         all observers of the project
+  glintmap mirror church                         all observers and regions of the project
   glintmap mirror church --observer 'Chalet, upstairs' --csv days.csv --plot chalet.png
   glintmap mirror church --point -54.1,10.5,9.2 --step 30s --refraction
-  glintmap mirror church --object chalet_wall --spacing 0.5 --csv points.csv
+  glintmap mirror church --region Chalet --spacing 0.25 --points-csv facade.csv --plot chalet.png
+  glintmap mirror church --object chalet --csv days.csv
 
 Germany's LAI (2015): a point sun, an ideal mirror, no intensity, always clear, every minute of the
 year, all PV together, while sun and reflection are at least 10 degrees apart. Terrain, buildings
@@ -23,9 +24,12 @@ and trees stand in the way of the sun and of its reflection. Times are local sta
 pub(super) struct Arguments {
     /// The project's folder or its project.toml
     project: PathBuf,
-    /// An [[observer]] of the project, by name; may be repeated [default: all]
+    /// An [[observer]] of the project, by name; may be repeated [default: all, with all regions]
     #[arg(long, value_name = "NAME")]
     observer: Vec<String>,
+    /// A [[region]] of the project, by name; may be repeated
+    #[arg(long, value_name = "NAME")]
+    region: Vec<String>,
     /// X,Y,Z in metres from the local origin; may be repeated
     #[arg(
         long,
@@ -38,9 +42,10 @@ pub(super) struct Arguments {
     /// Covers the faces of an object (a façade) with points
     #[arg(long, value_name = "ID")]
     object: Option<String>,
-    /// Distance of those points, m
-    #[arg(long, value_name = "M", default_value_t = 0.5)]
-    spacing: f64,
+    /// Distance of the points of regions and objects, m [default: the project's spacing_m, else 1;
+    /// 0.5 for --object]
+    #[arg(long, value_name = "M")]
+    spacing: Option<f64>,
     /// From one instant to the next: 10s to 60min, a whole part of the day
     #[arg(long, value_name = "STEP", default_value = "1min", value_parser = seconds)]
     step: u32,
@@ -50,9 +55,13 @@ pub(super) struct Arguments {
     /// Let the air lift the sun, as it does near the horizon
     #[arg(long)]
     refraction: bool,
-    /// Writes a table: the lit days of each receiver, or with --object a line for each point
+    /// Writes a table of the lit days of each observer, point and region (anywhere on it)
     #[arg(long, value_name = "OUT.csv")]
     csv: Option<PathBuf>,
+    /// Writes a table with a line for each point of the regions: hours a year, most minutes a day,
+    /// first and last date
+    #[arg(long, value_name = "OUT.csv")]
+    points_csv: Option<PathBuf>,
     /// Draws day against clock time, coloured by PV surface; numbered where there are several
     #[arg(long, value_name = "OUT.png")]
     plot: Option<PathBuf>,
@@ -89,6 +98,7 @@ pub(super) fn run(arguments: &Arguments, context: &Context) -> anyhow::Result<()
     let resolved = Resolved::read(&arguments.project, &arguments.set, 1 << 30)?;
     let asked = MirrorAsked {
         observers: arguments.observer.clone(),
+        regions: arguments.region.clone(),
         points: arguments.point.clone(),
         object: arguments.object.clone(),
         spacing_m: arguments.spacing,
@@ -97,8 +107,8 @@ pub(super) fn run(arguments: &Arguments, context: &Context) -> anyhow::Result<()
         refraction: arguments.refraction,
     };
     let found = mirror(&resolved, &asked, context.progress())?;
-    if let Some(path) = &arguments.csv {
-        let text = if found.region.is_some() { found.points_csv() } else { found.daily_csv() };
+    let tables = [(&arguments.csv, found.daily_csv()), (&arguments.points_csv, found.points_csv())];
+    for (path, text) in tables.iter().filter_map(|(path, text)| Some((path.as_ref()?, text))) {
         seal::write_bytes(path, text.as_bytes())
             .map_err(|source| crate::run::Error::Write { path: path.clone(), source })?;
     }
@@ -123,41 +133,49 @@ fn told(found: &Mirrored) -> String {
     for r in &found.receivers {
         // Writing into a String can't fail.
         let _ = writeln!(text, "\n{}", r.name);
-        let Some([first, last, most]) = &r.dates else {
-            let _ = writeln!(text, "  never");
-            continue;
-        };
-        let y = &r.year;
-        let _ = writeln!(
-            text,
-            "  {:.1} h a year, at most {} min a day ({most}), {} days from {first} to {last}, {} to {} standard time",
-            y.hours,
-            y.most_minutes,
-            y.days,
-            clock(y.earliest_h),
-            clock(y.latest_h)
-        );
-        for (surface, minutes) in &r.minutes_by_surface {
-            let _ = writeln!(text, "  from {surface}: {:.1} h", minutes / 60.0);
-        }
+        tell(&mut text, r);
         let _ = match r.exceeded.as_slice() {
             [] => writeln!(text, "  within the limits of the rule"),
             limits => writeln!(text, "  exceeds the rule's limit: {}", limits.join(", ")),
         };
     }
-    if let Some(r) = &found.region {
+    for r in &found.regions {
+        let _ = writeln!(text, "\n{}: {} points, {}", r.name, r.points.len(), r.notes.join("; "));
         let _ = writeln!(
             text,
-            "\n{}: {} points, {} lit, {} above a limit of the rule; the worst have {:.1} h a year and {} min a day",
-            r.object,
-            r.points.len(),
-            r.lit_points,
-            r.exceeding_points,
-            r.worst.hours,
-            r.worst.most_minutes
+            "  {} points are lit; {} ({:.1} of {:.1} m2) are above a limit of the rule",
+            r.lit_points, r.exceeding_points, r.exceeding_m2, r.area_m2
         );
+        if let Some([x, y, z]) = r.worst_point {
+            let _ = writeln!(
+                text,
+                "  its points have up to {:.1} h a year (at {x:.1},{y:.1},{z:.1}) and up to {} min a day; anywhere on it:",
+                r.worst.hours, r.worst.most_minutes
+            );
+        }
+        tell(&mut text, &r.anywhere);
     }
     text
+}
+
+fn tell(text: &mut String, r: &MirroredAt) {
+    let Some([first, last, most]) = &r.dates else {
+        text.push_str("  never\n");
+        return;
+    };
+    let y = &r.year;
+    let _ = writeln!(
+        text,
+        "  {:.1} h a year, at most {} min a day ({most}), {} days from {first} to {last}, {} to {} standard time",
+        y.hours,
+        y.most_minutes,
+        y.days,
+        clock(y.earliest_h),
+        clock(y.latest_h)
+    );
+    for (surface, minutes) in &r.minutes_by_surface {
+        let _ = writeln!(text, "  from {surface}: {:.1} h", minutes / 60.0);
+    }
 }
 
 fn clock(hour: f64) -> String {

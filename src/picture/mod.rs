@@ -6,6 +6,7 @@
 //! * [`compose`], [`tonemap`]: from rasters to colours per pixel.
 //! * [`chart`]: coloured cells over two axes, with words.
 //! * [`occurrence`]: days against hours, coloured by source.
+//! * [`scatter`]: points over two logarithmic axes.
 //! * [`figure`]: the finished picture: title, legend, scale bar, north arrow, markers, notes.
 
 mod canvas;
@@ -25,6 +26,7 @@ pub mod palette;
 pub mod png;
 pub mod polar;
 pub mod scale;
+pub mod scatter;
 mod text;
 pub mod tif;
 pub mod tonemap;

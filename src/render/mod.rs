@@ -14,12 +14,15 @@ mod confidence;
 mod direct;
 mod error;
 mod estimate;
+pub mod eye;
 mod facet;
 mod fixed;
 mod fused;
 mod gather;
 mod hits;
+mod loaded;
 mod mirror;
+pub mod moment;
 mod order;
 mod palette;
 mod seen;
@@ -42,8 +45,8 @@ pub use fused::Fused;
 pub use gather::{Annual, EXACT_BITS, Gather, annual};
 pub use hits::{Hit, HitKind, HitMap, hits};
 pub use mirror::{
-    Lit, MirrorDay, MirrorReceiver, MirrorRule, MirrorRun, MirrorSummary, MirrorTimes, MirrorYear,
-    SEPARATION_DEG, points_on,
+    Anywhere, Lit, MirrorDay, MirrorReceiver, MirrorRule, MirrorRun, MirrorSummary, MirrorTimes,
+    MirrorYear, SEPARATION_DEG,
 };
 pub use series::{Quantity, Series, SeriesSummary, series};
 pub use surfaces::Surfaces;

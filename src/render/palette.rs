@@ -41,10 +41,12 @@ const WORDS: [(&[&str], Vec3); 9] = [
 /// Colours of the scene's surfaces. Colours that the materials have are kept; a scene all in grey
 /// (the paper's 25 %, city models) gets the colours that people expect of roofs, walls and trees,
 /// as bright or dark as the material. This is for orientation only: no result depends on it.
+#[derive(Debug)]
 pub(super) struct Palette {
     faces: Vec<Paint>,
 }
 
+#[derive(Debug)]
 enum Paint {
     Pv,
     Fixed(Vec3),

@@ -1,18 +1,20 @@
 //! The mirror rule for a project: receivers in, tables and a chart out.
 
+mod show;
+
 use std::collections::BTreeMap;
-use std::path::Path;
 
 use glam::DVec3;
 use serde::Serialize;
 
 use super::error::Error;
+use super::points::Spreader;
+use super::project::{Ids, RegionTable};
 use super::resolve::Resolved;
-use crate::base::{Progress, Provenance};
+use crate::base::Progress;
 use crate::glare::rules::{self, Quantity};
-use crate::picture::occurrence::{Occurrence, Series, Span};
 use crate::render::{
-    self, MirrorDay, MirrorReceiver, MirrorRule, MirrorSummary, MirrorTimes, MirrorYear,
+    self, Anywhere, MirrorDay, MirrorReceiver, MirrorRule, MirrorSummary, MirrorTimes, MirrorYear,
 };
 use crate::site::Site;
 use crate::sky;
@@ -23,14 +25,17 @@ const RULE: &str = "de-lai-2015";
 /// What is asked.
 #[derive(Clone, Debug)]
 pub struct MirrorAsked {
-    /// Observers of the project by name; with no points and no object, empty means all of them.
+    /// Observers of the project by name. Where nothing at all is named, all observers and regions
+    /// look.
     pub observers: Vec<String>,
+    /// Regions of the project by name.
+    pub regions: Vec<String>,
     /// Points in the air, m from the local origin.
     pub points: Vec<DVec3>,
     /// An object whose faces are covered with points.
     pub object: Option<String>,
-    /// Between those points, m.
-    pub spacing_m: f64,
+    /// Between the points of objects and regions, m; as the project says if left out.
+    pub spacing_m: Option<f64>,
     /// Seconds from one instant to the next.
     pub step_s: u32,
     /// Least angle between sun and reflection, degrees.
@@ -50,8 +55,8 @@ pub struct Mirrored {
     pub surfaces: Vec<String>,
     /// Each receiver.
     pub receivers: Vec<MirroredAt>,
-    /// The points of the object, where one was asked for.
-    pub region: Option<MirroredRegion>,
+    /// Each region, and the object that was asked for.
+    pub regions: Vec<MirroredRegion>,
 }
 
 /// How the suns were looked at.
@@ -77,13 +82,13 @@ pub struct Assumptions {
 
 const NOTE: &str = "point sun, ideal mirror, no intensity, always clear, all PV together; hours are local standard time of the meridian, day 0 is 1 January; terrain, buildings and trees are opaque all year";
 
-/// One receiver.
+/// One receiver, or a region as a whole.
 #[derive(Clone, Debug, Serialize)]
 pub struct MirroredAt {
-    /// The observer's name, or the point.
+    /// The observer's or region's name, or the point.
     pub name: String,
-    /// Where, m from the local origin.
-    pub point: [f64; 3],
+    /// Where, m from the local origin; `null`: anywhere on a region.
+    pub point: Option<[f64; 3]>,
     /// The year in a line.
     #[serde(flatten)]
     pub year: MirrorSummary,
@@ -102,19 +107,45 @@ pub struct MirroredAt {
 /// Many points.
 #[derive(Clone, Debug, Serialize)]
 pub struct MirroredRegion {
-    /// The object.
-    pub object: String,
-    /// Between points, m.
-    pub spacing_m: f64,
+    /// The region's name, or the object.
+    pub name: String,
+    /// How its points were made.
+    pub notes: Vec<String>,
+    /// Area that its points stand for, m2.
+    pub area_m2: f64,
     /// Points with any.
     pub lit_points: usize,
     /// Points at which a limit of the rule is exceeded.
     pub exceeding_points: usize,
-    /// The worst: most hours of the year, and most minutes of a day.
+    /// Area that those stand for, m2.
+    pub exceeding_m2: f64,
+    /// The worst of each: most hours of the year and most minutes of a day may be those of
+    /// different points.
     pub worst: MirrorSummary,
+    /// The point with most hours of the year.
+    pub worst_point: Option<[f64; 3]>,
+    /// The times at which any of its points is lit; its hours are more than any point's.
+    pub anywhere: MirroredAt,
     /// All points.
-    pub points: Vec<([f64; 3], MirrorSummary)>,
+    pub points: Vec<MirroredPoint>,
 }
+
+/// One point of a region.
+#[derive(Clone, Debug, Serialize)]
+pub struct MirroredPoint {
+    /// Where, m from the local origin.
+    pub point: [f64; 3],
+    /// The area that it stands for, m2.
+    pub area_m2: f64,
+    /// The year in a line.
+    #[serde(flatten)]
+    pub year: MirrorSummary,
+}
+
+/// Points that a region may have.
+const MOST_POINTS: usize = 100_000;
+/// Between the points of an object that was asked for, m.
+const SPACING_M: f64 = 0.5;
 
 /// Applies the rule.
 ///
@@ -126,8 +157,10 @@ pub fn mirror(
     asked: &MirrorAsked,
     progress: &dyn Progress,
 ) -> Result<Mirrored, Error> {
-    let named = observers(resolved, asked)?;
+    let tables = regions(resolved, asked)?;
     let site = Site::load(&resolved.scene, &resolved.pv)?;
+    let spreader = Spreader { resolved, site: &site };
+    let named = observers(&spreader, asked, tables.is_empty())?;
     let times = MirrorTimes {
         place: resolved.place,
         model: resolved.times.sun,
@@ -137,20 +170,22 @@ pub fn mirror(
         horizon: resolved.horizon.clone(),
     };
     let rule = MirrorRule::new(&site, times, asked.separation_deg)?;
-    let limits = Limits::read()?;
-    let surfaces: Vec<String> = site.pv.iter().map(|pv| pv.name.clone()).collect();
+    let teller = Teller {
+        limits: Limits::read()?,
+        surfaces: site.pv.iter().map(|pv| pv.name.clone()).collect(),
+        year: resolved.times.year,
+    };
     let eyes: Vec<_> =
         named.iter().map(|(_, at)| MirrorReceiver { position: *at, normal: None }).collect();
     let receivers = named
         .into_iter()
         .zip(rule.years(&eyes, progress)?)
-        .map(|((name, at), year)| at_one(name, at, &year, &surfaces, &limits, resolved.times.year))
+        .map(|((name, at), year)| teller.at(name, Some(at), &year))
         .collect();
-    let region = asked
-        .object
-        .as_ref()
-        .map(|id| region(&site, &rule, id, asked.spacing_m, &limits, progress))
-        .transpose()?;
+    let regions = tables
+        .iter()
+        .map(|table| region(&spreader, &rule, table, &teller, progress))
+        .collect::<Result<_, _>>()?;
     Ok(Mirrored {
         rule: RULE,
         assumptions: Assumptions {
@@ -163,41 +198,86 @@ pub fn mirror(
             suns: rule.suns(),
             note: NOTE,
         },
-        surfaces,
+        surfaces: teller.surfaces,
         receivers,
-        region,
+        regions,
     })
 }
 
-fn observers(resolved: &Resolved, asked: &MirrorAsked) -> Result<Vec<(String, DVec3)>, Error> {
+fn wrong(resolved: &Resolved, message: String) -> Error {
+    Error::Project { path: resolved.file.clone(), line: 0, column: 0, message }
+}
+
+impl MirrorAsked {
+    fn names_nothing(&self) -> bool {
+        self.observers.is_empty()
+            && self.points.is_empty()
+            && self.regions.is_empty()
+            && self.object.is_none()
+    }
+}
+
+/// The regions that are asked for, with their spacing; the object as the last.
+fn regions(resolved: &Resolved, asked: &MirrorAsked) -> Result<Vec<RegionTable>, Error> {
+    if asked.spacing_m.is_some_and(|s| !(1e-3..=1e4).contains(&s)) {
+        let spacing = asked.spacing_m.unwrap_or_default();
+        let what = format!("the spacing is {spacing}, expected 0.001 to 10000 m");
+        return Err(wrong(resolved, what));
+    }
+    let known = &resolved.project.region;
+    let mut out = if asked.names_nothing() { known.clone() } else { Vec::new() };
+    for name in &asked.regions {
+        let found = known.iter().find(|r| &r.name == name).ok_or_else(|| {
+            let names: Vec<_> = known.iter().map(|r| r.name.as_str()).collect();
+            let known = names.join(", ");
+            wrong(resolved, format!("no [[region]] is named \"{name}\" (there are: {known})"))
+        })?;
+        out.push(found.clone());
+    }
+    out.extend(asked.object.as_ref().map(|id| RegionTable {
+        name: id.clone(),
+        object: Some(Ids::One(id.clone())),
+        polygon: None,
+        height_m: None,
+        view: None,
+        coordinates: None,
+        spacing_m: Some(SPACING_M),
+        class: None,
+    }));
+    for table in &mut out {
+        table.spacing_m = asked.spacing_m.or(table.spacing_m);
+    }
+    Ok(out)
+}
+
+fn observers(
+    spreader: &Spreader<'_>,
+    asked: &MirrorAsked,
+    no_region: bool,
+) -> Result<Vec<(String, DVec3)>, Error> {
+    let resolved = spreader.resolved;
     let known = &resolved.project.observer;
-    let wrong = |message: String| Error::Project {
-        path: resolved.file.clone(),
-        line: 0,
-        column: 0,
-        message,
-    };
-    let place = |o: &super::project::ObserverTable| (o.name.clone(), DVec3::from_array(o.point));
+    let place = |o: &super::project::ObserverTable| (o.name.clone(), spreader.observer(o).position);
     let mut out = Vec::new();
     for name in &asked.observers {
         let found = known.iter().find(|o| &o.name == name).ok_or_else(|| {
             let names: Vec<_> = known.iter().map(|o| o.name.as_str()).collect();
-            wrong(format!("no [[observer]] is named \"{name}\" (there are: {})", names.join(", ")))
+            let known = names.join(", ");
+            wrong(resolved, format!("no [[observer]] is named \"{name}\" (there are: {known})"))
         })?;
         out.push(place(found));
     }
     for point in &asked.points {
         if !point.is_finite() {
-            return Err(wrong(format!("expected a point in metres, found {point}")));
+            return Err(wrong(resolved, format!("expected a point in metres, found {point}")));
         }
         out.push((format!("{},{},{}", point.x, point.y, point.z), *point));
     }
-    if out.is_empty() && asked.object.is_none() {
+    if asked.names_nothing() {
         out = known.iter().map(place).collect();
-        if out.is_empty() {
-            return Err(wrong(
-                "nobody looks: expected an [[observer]], --point or --object, found none".into(),
-            ));
+        if out.is_empty() && no_region {
+            let what = "nobody looks: expected an [[observer]], a [[region]], --point or --object, found none";
+            return Err(wrong(resolved, what.into()));
         }
     }
     Ok(out)
@@ -221,31 +301,33 @@ impl Limits {
     }
 }
 
-fn at_one(
-    name: String,
-    at: DVec3,
-    lit: &MirrorYear,
-    surfaces: &[String],
-    limits: &Limits,
-    calendar: i32,
-) -> MirroredAt {
-    let (year, daily) = (lit.summary(), lit.days());
-    let mut minutes_by_surface = BTreeMap::new();
-    for (surface, minutes) in daily.iter().flat_map(|d| &d.by_surface) {
-        let name = surfaces.get(usize::from(*surface)).cloned().unwrap_or_default();
-        *minutes_by_surface.entry(name).or_insert(0.0) += minutes;
-    }
-    let date = |day| date(calendar, day);
-    MirroredAt {
-        name,
-        point: at.to_array(),
-        dates: (year.days > 0)
-            .then(|| [date(year.first_day), date(year.last_day), date(year.most_on_day)]),
-        exceeded: limits.exceeded(&year),
-        year,
-        minutes_by_surface,
-        daily,
-        chart: lit.runs(),
+/// What a year is told with.
+struct Teller {
+    limits: Limits,
+    surfaces: Vec<String>,
+    year: i32,
+}
+
+impl Teller {
+    fn at(&self, name: String, at: Option<DVec3>, lit: &MirrorYear) -> MirroredAt {
+        let (year, daily) = (lit.summary(), lit.days());
+        let mut minutes_by_surface = BTreeMap::new();
+        for (surface, minutes) in daily.iter().flat_map(|d| &d.by_surface) {
+            let name = self.surfaces.get(usize::from(*surface)).cloned().unwrap_or_default();
+            *minutes_by_surface.entry(name).or_insert(0.0) += minutes;
+        }
+        let date = |day| date(self.year, day);
+        MirroredAt {
+            name,
+            point: at.map(|p| p.to_array()),
+            dates: (year.days > 0)
+                .then(|| [date(year.first_day), date(year.last_day), date(year.most_on_day)]),
+            exceeded: self.limits.exceeded(&year),
+            year,
+            minutes_by_surface,
+            daily,
+            chart: lit.runs(),
+        }
     }
 }
 
@@ -254,20 +336,42 @@ fn date(year: i32, day: u32) -> String {
     format!("{month:02}-{day:02}")
 }
 
+/// A region: its points, on their surface or (a plot at some height) in the air.
 fn region(
-    site: &Site,
+    spreader: &Spreader<'_>,
     rule: &MirrorRule<'_>,
-    id: &str,
-    spacing_m: f64,
-    limits: &Limits,
+    table: &RegionTable,
+    teller: &Teller,
     progress: &dyn Progress,
 ) -> Result<MirroredRegion, Error> {
-    let points = render::points_on(site, id, spacing_m)?;
-    let years = rule.map(&points, progress, |year| year.summary())?;
+    let trace = &spreader.resolved.trace;
+    let hits = |view: &super::PlannedView| {
+        Ok(render::hits(&view.view, spreader.site, trace.max_path_m, trace.seed, progress)?)
+    };
+    let (samples, notes) = spreader.region(table, &hits, MOST_POINTS)?;
+    if samples.is_empty() {
+        let what = format!("[[region]] \"{}\": not one point of it lies on the scene", table.name);
+        return Err(wrong(spreader.resolved, what));
+    }
+    let receivers: Vec<_> = samples
+        .iter()
+        .map(|s| MirrorReceiver {
+            position: s.sensor.position,
+            normal: table.height_m.is_none().then_some(s.sensor.normal),
+        })
+        .collect();
+    let anywhere = Anywhere::new(rule);
+    let years = rule.map(&receivers, progress, |year| {
+        anywhere.add(&year);
+        year.summary()
+    })?;
     let mut worst = MirrorSummary::default();
-    for y in years.iter().filter(|y| y.days > 0) {
+    let mut worst_point = None;
+    for (y, at) in years.iter().zip(&receivers).filter(|(y, _)| y.days > 0) {
         let any = worst.days > 0;
-        worst.hours = worst.hours.max(y.hours);
+        if y.hours > worst.hours {
+            (worst.hours, worst_point) = (y.hours, Some(at.position.to_array()));
+        }
         if y.most_minutes > worst.most_minutes {
             (worst.most_minutes, worst.most_on_day) = (y.most_minutes, y.most_on_day);
         }
@@ -277,148 +381,26 @@ fn region(
         worst.last_day = worst.last_day.max(y.last_day);
         worst.latest_h = worst.latest_h.max(y.latest_h);
     }
+    let exceeds = |y: &&MirrorSummary| !teller.limits.exceeded(y).is_empty();
+    let exceeding = samples.iter().zip(&years).filter(|(_, y)| exceeds(y));
     Ok(MirroredRegion {
-        object: id.to_owned(),
-        spacing_m,
+        name: table.name.clone(),
+        notes,
+        area_m2: samples.iter().fold(0.0, |sum, s| sum + s.area_m2),
         lit_points: years.iter().filter(|y| y.days > 0).count(),
-        exceeding_points: years.iter().filter(|y| !limits.exceeded(y).is_empty()).count(),
+        exceeding_points: years.iter().filter(exceeds).count(),
+        exceeding_m2: exceeding.fold(0.0, |sum, (s, _)| sum + s.area_m2),
         worst,
-        points: points.iter().map(|p| p.position.to_array()).zip(years).collect(),
-    })
-}
-
-impl Mirrored {
-    /// A table of all lit days of all receivers: minutes together and by PV surface.
-    pub fn daily_csv(&self) -> String {
-        let quoted = |text: &str| format!("\"{}\"", text.replace('"', "\"\""));
-        let mut out = String::from("receiver,day,date,first_h,last_h,minutes");
-        for surface in &self.surfaces {
-            out.push(',');
-            out.push_str(&quoted(surface));
-        }
-        out.push('\n');
-        for r in &self.receivers {
-            for d in &r.daily {
-                let date = date(self.assumptions.year, d.day);
-                let head = quoted(&r.name);
-                out.push_str(&format!(
-                    "{head},{},{date},{:.4},{:.4},{}",
-                    d.day, d.first_h, d.last_h, d.minutes
-                ));
-                for number in 0..self.surfaces.len() {
-                    let own = d.by_surface.iter().find(|s| usize::from(s.0) == number);
-                    out.push_str(&format!(",{}", own.map_or(0.0, |s| s.1)));
-                }
-                out.push('\n');
-            }
-        }
-        out
-    }
-
-    /// A table of the points of the region; empty where none was asked for.
-    pub fn points_csv(&self) -> String {
-        let mut out = String::from(
-            "x,y,z,hours,most_minutes,most_on_day,days,first_day,last_day,earliest_h,latest_h\n",
-        );
-        for ([x, y, z], s) in self.region.iter().flat_map(|r| &r.points) {
-            out.push_str(&format!(
-                "{x:.4},{y:.4},{z:.4},{:.4},{},{},{},{},{},{:.4},{:.4}\n",
-                s.hours,
-                s.most_minutes,
-                s.most_on_day,
-                s.days,
-                s.first_day,
-                s.last_day,
-                s.earliest_h,
-                s.latest_h
-            ));
-        }
-        out
-    }
-
-    /// The chart of one receiver: day against clock time, coloured by PV surface.
-    fn chart(&self, resolved: &Resolved, at: &MirroredAt) -> Occurrence {
-        const MONTHS: [&str; 12] =
-            ["Jan", "Feb", "Mar", "Apr", "May", "Jun", "Jul", "Aug", "Sep", "Oct", "Nov", "Dec"];
-        let a = &self.assumptions;
-        let columns = sky::days_in_year(a.year);
-        let parts = (0..columns)
-            .filter_map(|day| match sky::date_of_day(a.year, day) {
-                (month, 1) => Some((day, MONTHS[(month as usize - 1) % 12].to_owned())),
-                _ => None,
-            })
-            .collect();
-        let step_h = f64::from(a.step_s) / 3600.0;
-        let series = self
-            .surfaces
+        worst_point,
+        anywhere: teller.at(table.name.clone(), None, &anywhere.year()),
+        points: samples
             .iter()
-            .enumerate()
-            .map(|(number, name)| Series {
-                label: format!(
-                    "{name}: {:.1} h a year",
-                    at.minutes_by_surface.get(name).copied().unwrap_or(0.0) / 60.0
-                ),
-                spans: at
-                    .chart
-                    .iter()
-                    .filter(|run| usize::from(run.surface) == number)
-                    .map(|run| Span { column: run.day, from: run.first_h, to: run.last_h + step_h })
-                    .collect(),
+            .zip(years)
+            .map(|(s, year)| MirroredPoint {
+                point: s.sensor.position.to_array(),
+                area_m2: s.area_m2,
+                year,
             })
-            .filter(|s: &Series| !s.spans.is_empty())
-            .collect();
-        let [x, y, z] = at.point;
-        let zone = resolved.place.meridian_deg / 15.0;
-        Occurrence {
-            title: at.name.clone(),
-            subtitle: format!(
-                "Mirrored sun at {x:.1}, {y:.1}, {z:.1} m: {:.1} h a year, at most {} min a day ({})",
-                at.year.hours, at.year.most_minutes, self.rule
-            ),
-            columns,
-            parts,
-            range: (0.0, 24.0),
-            series,
-            curves: daylight(resolved, columns),
-            caption: format!(
-                "Local standard time (UTC{zone:+}). {NOTE}. Sun and reflection at least {} degrees apart; steps of {} s; {} suns of {}. Grey: sunrise and sunset on a flat horizon.",
-                a.separation_deg, a.step_s, a.sun, a.year
-            ),
-        }
-    }
-
-    /// Writes the chart of each receiver: into `path`, or with its number where there are several.
-    ///
-    /// # Errors
-    /// When the pictures can't be written.
-    pub fn write_charts(&self, resolved: &Resolved, path: &Path) -> Result<(), Error> {
-        let texts = vec![("Software".to_owned(), Provenance::PROGRAM.to_owned())];
-        for (i, at) in self.receivers.iter().enumerate() {
-            let stem = path.file_stem().unwrap_or_default().to_string_lossy();
-            let path = match self.receivers.len() {
-                1 => path.to_owned(),
-                _ => path.with_file_name(format!("{stem}-{}.png", i + 1)),
-            };
-            self.chart(resolved, at).write_png(&path, &texts)?;
-        }
-        Ok(())
-    }
-}
-
-/// Sunrise and sunset of each day, h, to some minutes.
-fn daylight(resolved: &Resolved, days: u32) -> Vec<Vec<f64>> {
-    const PER_HOUR: u32 = 20;
-    let mut out = vec![Vec::new(), Vec::new()];
-    for day in 0..days {
-        let hour = |i: u32| f64::from(i) / f64::from(PER_HOUR);
-        let up = |i: &u32| {
-            let t = &resolved.times;
-            sky::sun_direction(&resolved.place, t.sun, t.year, day, hour(*i)).z > 0.0
-        };
-        let first = (0..24 * PER_HOUR).find(up);
-        let last = (0..24 * PER_HOUR).rev().find(up);
-        out[0].push(first.map_or(f64::NAN, hour));
-        out[1].push(last.map_or(f64::NAN, hour));
-    }
-    out
+            .collect(),
+    })
 }

@@ -7,6 +7,7 @@ mod cpu;
 mod create;
 mod error;
 mod estimate;
+mod eyes;
 mod folder;
 mod job;
 mod log;

@@ -112,8 +112,11 @@ pub fn receivers(resolved: &Resolved, site: &Site) -> Result<Vec<String>, Error>
         tell(&o.name, &[Sample { sensor: spreader.observer(o), area_m2: 0.0 }]);
     }
     for region in resolved.project.region.iter().filter(|r| r.view.is_none()) {
-        let (samples, _) =
-            spreader.region(region, &|_| Ok(HitMap { columns: 0, rows: 0, hits: Vec::new() }))?;
+        let (samples, _) = spreader.region(
+            region,
+            &|_| Ok(HitMap { columns: 0, rows: 0, hits: Vec::new() }),
+            MAX_REGION_POINTS,
+        )?;
         tell(&region.name, &samples);
     }
     Ok(lines)
@@ -192,7 +195,7 @@ impl Spreader<'_> {
             points.push(&o.name, Kind::Observer, &[sample], Vec::new());
         }
         for region in &self.resolved.project.region {
-            let (samples, notes) = self.region(region, hits)?;
+            let (samples, notes) = self.region(region, hits, MAX_REGION_POINTS)?;
             if samples.is_empty() {
                 return Err(self.wrong(
                     "region",
@@ -215,7 +218,7 @@ impl Spreader<'_> {
     }
 
     /// An eye; it looks at the middle of the PV where it says nothing.
-    fn observer(&self, o: &ObserverTable) -> Sensor {
+    pub fn observer(&self, o: &ObserverTable) -> Sensor {
         let map = o.coordinates.as_deref() == Some("map");
         let position = self.local(DVec3::from_array(o.point), map);
         let normal = match o.direction {
@@ -237,10 +240,16 @@ impl Spreader<'_> {
         if area > 0.0 { sum / area } else { DVec3::ZERO }
     }
 
-    fn region(
+    /// The points of a region with the area that each stands for, `most` of them: a finer lattice
+    /// is made coarser. Beside them what a reader should know of their making.
+    ///
+    /// # Errors
+    /// Objects that aren't there.
+    pub fn region(
         &self,
         region: &RegionTable,
         hits: &dyn Fn(&PlannedView) -> Result<HitMap, Error>,
+        most: usize,
     ) -> Result<(Vec<Sample>, Vec<String>), Error> {
         if let (Some(name), Some(polygon)) = (&region.view, &region.polygon) {
             // The reader checked that there is such a view.
@@ -248,7 +257,7 @@ impl Spreader<'_> {
                 return Ok((Vec::new(), Vec::new()));
             };
             let all = pixels(&view.view, &hits(view)?, polygon);
-            let every = all.len().div_ceil(MAX_REGION_POINTS).max(1);
+            let every = all.len().div_ceil(most).max(1);
             let thinned = all
                 .into_iter()
                 .step_by(every)
@@ -263,8 +272,8 @@ impl Spreader<'_> {
         let objects = self.objects(region)?;
         let mut spacing_m = asked_m;
         let (mut samples, mut missing) = self.lattice(region, &objects, spacing_m);
-        while samples.len() > MAX_REGION_POINTS {
-            spacing_m *= (samples.len() as f64 / MAX_REGION_POINTS as f64).sqrt() * 1.02;
+        while samples.len() > most {
+            spacing_m *= (samples.len() as f64 / most as f64).sqrt() * 1.02;
             (samples, missing) = self.lattice(region, &objects, spacing_m);
             if spacing_m > 1e6 {
                 break;
@@ -272,9 +281,7 @@ impl Spreader<'_> {
         }
         let mut notes = vec![format!("points {spacing_m:.2} m apart")];
         if spacing_m > asked_m {
-            notes.push(format!(
-                "{asked_m} m were asked for, which makes more than {MAX_REGION_POINTS} points"
-            ));
+            notes.push(format!("{asked_m} m were asked for, which makes more than {most} points"));
         }
         if missing > 0 {
             notes.push(format!("{missing} points of the polygon lie beyond the scene"));

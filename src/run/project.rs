@@ -45,6 +45,12 @@ pub struct Project {
     /// Façades, roads, plots.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub region: Vec<RegionTable>,
+    /// Crowns that let light through in some months.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub season: Vec<SeasonTable>,
+    /// Luminance pictures.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub moment: Vec<MomentTable>,
     /// How glare is judged.
     #[serde(default)]
     pub glare: GlareTable,
@@ -401,6 +407,38 @@ pub struct RegionTable {
     pub spacing_m: Option<f64>,
     /// `dwelling`, `office`, `outdoor`, `road`, …; every limit applies if left out.
     pub class: Option<Class>,
+}
+
+/// `[[season]]`
+#[derive(Clone, Debug, Deserialize, Serialize)]
+#[serde(deny_unknown_fields)]
+pub struct SeasonTable {
+    /// Name of the crowns' material.
+    pub modifier: String,
+    /// Share of the light that passes a crown, for each month from January.
+    pub transmittance: Vec<f64>,
+}
+
+/// `[[moment]]`: a picture of luminances at an instant, for each material.
+#[derive(Clone, Debug, Deserialize, Serialize)]
+#[serde(deny_unknown_fields)]
+pub struct MomentTable {
+    /// Names its files; made of date, time and view if left out.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub name: Option<String>,
+    /// `"06-11"`, or a day of the year from 0.
+    pub date: DayEntry,
+    /// `"08:30"`, local standard time, as all times of the project file.
+    pub time: String,
+    /// The name of a view, or Radiance's view options.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub view: Option<String>,
+    /// An observer's eye instead: a picture along its direction, and a fisheye for evalglare.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub observer: Option<String>,
+    /// `[columns, rows]`; that of the named view if left out.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub size: Option<[usize; 2]>,
 }
 
 /// `"ID"` or `["ID", "ID"]`

@@ -1,6 +1,7 @@
 //! From the project file to what the rooms take; every mistake is named with its key. Here: the
 //! site, its times and its scene. [`settings`]: what is done with them.
 
+mod moments;
 mod receivers;
 mod settings;
 mod view_file;
@@ -14,9 +15,9 @@ use glam::DVec3;
 use super::error::Error;
 use super::manifest::hash_path;
 use super::project::{self, DayEntry, FileEntry, HorizonEntry, OriginEntry, Project};
-use super::resolve::RECEIVERS;
+use super::resolve::{MOMENTS, RECEIVERS};
 use crate::base::limits;
-use crate::site::{Files, Origin, PvArray, PvSpec, SceneFile, SceneSpec};
+use crate::site::{Files, Origin, PvArray, PvSpec, SceneFile, SceneSpec, Season};
 use crate::sky::{DayRange, FarHorizon, HourRange, Irradiance, Place, SunModel, TimeSpec, Weather};
 
 /// Reads a plan off a project file, table by table.
@@ -33,7 +34,7 @@ impl Reader<'_> {
     /// Names become folders, so they are checked together: what differs must not collide.
     pub fn names(&self) -> Result<(), Error> {
         let p = self.project;
-        let mut folders = BTreeSet::from(["log".to_owned(), RECEIVERS.to_owned()]);
+        let mut folders = BTreeSet::from(["log", RECEIVERS, MOMENTS].map(str::to_owned));
         let lists = [
             ("[[material]]", p.material.iter().map(|t| &t.name).collect::<Vec<_>>()),
             ("[[case]]", p.case.iter().map(|t| &t.name).collect()),
@@ -44,7 +45,7 @@ impl Reader<'_> {
                 self.check_name(table, name)?;
                 if !folders.insert(name.clone()) {
                     return Err(self.wrong(format!(
-                        "{table} \"{name}\": the name is taken; materials, cases and views share one folder, and `log` and `receivers` are ours"
+                        "{table} \"{name}\": the name is taken; materials, cases and views share one folder, and `log`, `receivers` and `moments` are ours"
                     )));
                 }
             }
@@ -89,6 +90,14 @@ impl Reader<'_> {
             }
         }
         Ok(())
+    }
+
+    pub fn day(&self, entry: &DayEntry, key: &str) -> Result<u32, Error> {
+        match entry {
+            DayEntry::Number(n) => Ok(*n),
+            DayEntry::Date(text) => crate::sky::parse_day(text, self.project.time.year)
+                .map_err(|e| self.wrong(format!("{key}: {e}"))),
+        }
     }
 
     fn check_name(&self, table: &str, name: &str) -> Result<(), Error> {
@@ -153,16 +162,11 @@ impl Reader<'_> {
                 )));
             }
         };
-        let day = |entry: &DayEntry, key: &str| match entry {
-            DayEntry::Number(n) => Ok(*n),
-            DayEntry::Date(text) => crate::sky::parse_day(text, t.year)
-                .map_err(|e| self.wrong(format!("time.days.{key}: {e}"))),
-        };
         Ok(TimeSpec {
             year: t.year,
             days: DayRange {
-                from: day(&t.days.from, "from")?,
-                to: day(&t.days.to, "to")?,
+                from: self.day(&t.days.from, "time.days.from")?,
+                to: self.day(&t.days.to, "time.days.to")?,
                 step: t.days.step,
             },
             hours: HourRange { from: t.hours.from, to: t.hours.to, step: t.hours.step },
@@ -265,8 +269,35 @@ impl Reader<'_> {
             convergence_at: s.north_deg.is_none().then_some([site.latitude, site.longitude]),
             reflectance: s.reflectance.clone(),
             arrays: self.arrays(),
+            seasons: self.seasons()?,
             origin,
         })
+    }
+
+    fn seasons(&self) -> Result<Vec<Season>, Error> {
+        let mut out: Vec<Season> = Vec::new();
+        for t in &self.project.season {
+            let name = &t.modifier;
+            let wrong = |what: String| self.wrong(format!("[[season]] \"{name}\": {what}"));
+            let found = t.transmittance.len();
+            let transmittance =
+                <[f64; 12]>::try_from(t.transmittance.as_slice()).map_err(|_| {
+                    wrong(format!("transmittance: expected 12 numbers, one a month, found {found}"))
+                })?;
+            if let Some(found) = transmittance.iter().find(|v| !(0.0..=1.0).contains(*v)) {
+                return Err(wrong(format!("transmittance: expected 0 to 1, found {found}")));
+            }
+            if out.iter().any(|s| s.modifier == *name) {
+                return Err(wrong("the material is there twice".into()));
+            }
+            if self.project.time.half_year {
+                return Err(wrong(
+                    "time.half_year lets spring stand for autumn, whose leaves are others; compute the whole year".into(),
+                ));
+            }
+            out.push(Season { modifier: name.clone(), transmittance });
+        }
+        Ok(out)
     }
 
     fn arrays(&self) -> Vec<(String, PvArray)> {

@@ -82,6 +82,35 @@ pub struct PlannedView {
     pub points: Option<Points>,
 }
 
+/// A picture of luminances.
+#[derive(Clone, Debug, Serialize)]
+pub struct PlannedMoment {
+    /// Names its files.
+    pub name: String,
+    /// Day of the year, 0 is 1 January.
+    pub day: u32,
+    /// Local standard time, h.
+    pub hour: f64,
+    /// The camera, as Radiance's options; an observer's without its place.
+    pub camera: Camera,
+    /// Width and height, pixels.
+    pub size: [usize; 2],
+}
+
+/// From where a picture of luminances is taken.
+#[derive(Clone, Debug, Serialize)]
+pub enum Camera {
+    /// Radiance's view options.
+    Options(String),
+    /// An observer's number: along its direction, or half a sphere around it.
+    Observer {
+        /// Its number in the project file.
+        number: usize,
+        /// Half a sphere.
+        fisheye: bool,
+    },
+}
+
 /// Where the points of a set of sensors come from.
 #[derive(Clone, Debug, Serialize)]
 pub enum Points {
@@ -103,6 +132,8 @@ pub enum Points {
 const POINTS_OF_A_REGION: usize = 500;
 /// The set of all observers and regions.
 pub const RECEIVERS: &str = "receivers";
+/// The folder of the pictures of luminances.
+pub const MOMENTS: &str = "moments";
 
 /// A project, checked, with all defaults filled in.
 #[derive(Clone, Debug)]
@@ -130,6 +161,8 @@ pub struct Resolved {
     /// Sets of points that are rendered and analysed as the pictures are; the last one is that of
     /// the observers and regions, if there are any.
     pub sensors: Vec<PlannedView>,
+    /// Pictures of luminances.
+    pub moments: Vec<PlannedMoment>,
     /// How photons are traced.
     pub trace: trace::Settings,
     /// What is compared with the thresholds.
@@ -168,6 +201,7 @@ impl Resolved {
             views: r.views()?,
             sensors: r.sensors()?,
             rules: r.rules()?,
+            moments: r.moments()?,
             trace: r.trace()?,
             quantity: r.quantity()?,
             glare: r.glare(memory_bytes)?,
@@ -259,7 +293,11 @@ impl Resolved {
         }
         // By the projection the site's place says where north lies.
         let place = self.scene.convergence_at;
-        key_of("scene", &(scene, &self.project.pv, &self.inputs, place))
+        let scene = (scene, &self.project.pv, &self.inputs, place);
+        match self.scene.seasons.as_slice() {
+            [] => key_of("scene", &scene),
+            seasons => key_of("scene", &(scene, seasons)),
+        }
     }
 
     /// The timesteps: the suns above the horizon, the far one as well.
@@ -387,6 +425,37 @@ impl Resolved {
     pub fn glare_key(&self, render_key: &str, threshold: f64) -> Result<String, Error> {
         let g = &self.project.glare;
         key_of("glare", &(render_key, threshold, g.sigma, g.truncate, g.connectivity))
+    }
+
+    /// What decides what the observers' eyes see, of all materials; `None` where nobody looks.
+    ///
+    /// # Errors
+    /// When the settings can't be hashed.
+    pub fn eyes_key(&self) -> Result<Option<String>, Error> {
+        let p = &self.project;
+        if p.observer.is_empty() {
+            return Ok(None);
+        }
+        let upstream = (self.scene_key()?, self.suns_key()?);
+        let made: Vec<_> = self.candidates.iter().map(|c| (&c.name, &c.models)).collect();
+        let g = &p.glare;
+        let judged = (&g.thresholds_w_m2, &g.quantity, g.sigma[0], g.truncate);
+        let clock = (&p.site.timezone, p.site.meridian);
+        key_of("eyes", &(upstream, made, &p.observer, judged, clock)).map(Some)
+    }
+
+    /// What decides the pictures of luminances; `None` where there are none.
+    ///
+    /// # Errors
+    /// When the settings can't be hashed.
+    pub fn moments_key(&self) -> Result<Option<String>, Error> {
+        if self.moments.is_empty() {
+            return Ok(None);
+        }
+        let upstream = (self.scene_key()?, self.suns_key()?);
+        let made: Vec<_> = self.candidates.iter().map(|c| (&c.name, &c.models)).collect();
+        let told = (&self.project.site.name, &self.project.site.timezone);
+        key_of("moments", &(upstream, made, &self.moments, &self.project.observer, told)).map(Some)
     }
 
     /// What decides what is read off a set of points.

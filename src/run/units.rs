@@ -65,7 +65,13 @@ pub fn units(resolved: &Resolved) -> Result<Vec<Planned>, Error> {
             add(Stage::Render, unit, Some(render));
         }
     }
+    if let Some(key) = resolved.eyes_key()? {
+        add(Stage::Glare, stages::EYES_UNIT.into(), Some(key));
+    }
     add(Stage::Pictures, "pictures".into(), Some(stages::pictures_key(resolved)?));
+    if let Some(key) = resolved.moments_key()? {
+        add(Stage::Pictures, stages::MOMENTS_UNIT.into(), Some(key));
+    }
     add(Stage::Report, "report".into(), None);
     all.sort_by_key(|p| p.stage);
     Ok(all)

@@ -71,6 +71,16 @@ pub enum Error {
         /// What it should be.
         expected: &'static str,
     },
+    /// A season of a material that the scene doesn't have.
+    #[error(
+        "season.modifier = \"{found}\": no material of the scene has this name; the nearest are {nearest}"
+    )]
+    NoSuchMaterial {
+        /// What the project says.
+        found: String,
+        /// Names that there are.
+        nearest: String,
+    },
     /// Faults in the files, in the order in which they were met.
     #[error("{}", listed(.findings, *.stopped))]
     Faults {

@@ -13,8 +13,8 @@ use super::mesh::{Mesh, Owner};
 use super::placement::{LOCAL_REACH_M, extents, north, place, reference_system};
 use super::surroundings::terrains;
 use super::{
-    Error, Files, Material, North, Origin, PvSpec, SceneSpec, Site, array, cityjson, mesh, rad,
-    select,
+    Crowns, Error, Files, Material, North, Origin, PvSpec, SceneSpec, Season, Site, array,
+    cityjson, mesh, rad, select,
 };
 use crate::base::{Place, limits};
 
@@ -119,8 +119,22 @@ pub fn load_from(files: &Files, scene: &SceneSpec, pv: &[PvSpec]) -> Result<Load
     let (objects, materials) = (draft.objects, draft.materials);
     let findings = log.finish();
     let origin = placement.origin;
-    let site = Site::from_parts(triangles, faces, objects, materials, surfaces, origin, findings);
+    let mut site =
+        Site::from_parts(triangles, faces, objects, materials, surfaces, origin, findings);
+    for season in &scene.seasons {
+        if !site.materials.iter().any(|m| m.name == season.modifier) {
+            return Err(unknown_season(&site, season));
+        }
+    }
+    site.crowns = Crowns::of(&site, &scene.seasons);
     Ok(Loaded { site, sources, crs, north })
+}
+
+fn unknown_season(site: &Site, season: &Season) -> Error {
+    let mut names: Vec<&str> = site.materials.iter().map(|m| m.name.as_str()).collect();
+    names.sort_by_key(|n| (strsim::damerau_levenshtein(n, &season.modifier), *n));
+    names.truncate(5);
+    Error::NoSuchMaterial { found: season.modifier.clone(), nearest: names.join(", ") }
 }
 
 fn check(scene: &SceneSpec) -> Result<(), Error> {

@@ -16,6 +16,7 @@ pub mod check;
 mod cityjson;
 mod clip;
 mod convergence;
+mod crowns;
 mod draft;
 mod error;
 mod files;
@@ -34,6 +35,7 @@ mod terrain;
 mod triangulate;
 
 pub use bvh::{Bvh, RayHit};
+pub use crowns::{Crowns, Season};
 pub use error::Error;
 pub use files::Files;
 pub use load::{Loaded, Source, load, load_from};

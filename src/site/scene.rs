@@ -1,6 +1,6 @@
 use glam::{DVec3, Vec3};
 
-use super::Bvh;
+use super::{Bvh, Crowns};
 use crate::base::{Aabb, Finding};
 
 /// A triangle, metres from the local origin; counter-clockwise seen from its front.
@@ -95,11 +95,23 @@ pub struct Site {
     pub bounds: Aabb,
     /// The rays.
     pub bvh: Bvh,
+    /// Crowns that let light through in some months; `None`: all is opaque all year. [`Self::bvh`]
+    /// holds them as opaque.
+    pub crowns: Option<Crowns>,
     /// What was noticed while reading.
     pub findings: Vec<Finding>,
 }
 
 impl Site {
+    /// Share of the light that passes from `origin` along `direction` as far as `max_m`, in a month
+    /// from 0 (January): 0 or 1 where nothing changes with the season.
+    pub fn transmittance(&self, origin: Vec3, direction: Vec3, max_m: f32, month: usize) -> f32 {
+        match &self.crowns {
+            Some(crowns) => crowns.transmittance(origin, direction, max_m, month),
+            None => f32::from(u8::from(!self.bvh.occluded(origin, direction, 0.0, max_m))),
+        }
+    }
+
     /// A scene from its parts: finds the extent and builds the hierarchy. The parts' indices
     /// must fit each other.
     pub fn from_parts(
@@ -113,7 +125,8 @@ impl Site {
     ) -> Self {
         let bounds = Aabb::around(triangles.iter().flat_map(|t| t.corners));
         let bvh = Bvh::build(&triangles);
-        Self { triangles, faces, objects, materials, pv, origin, bounds, bvh, findings }
+        let crowns = None;
+        Self { triangles, faces, objects, materials, pv, origin, bounds, bvh, crowns, findings }
     }
 
     /// The face that a triangle is part of.

@@ -4,6 +4,8 @@ use std::path::PathBuf;
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
 
+use super::Season;
+
 /// What to read, and where it lies: `[scene]` of the project file.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SceneSpec {
@@ -26,6 +28,8 @@ pub struct SceneSpec {
     pub reflectance: BTreeMap<String, f64>,
     /// PV that no file has: its `[[pv]]` entry's name and where it stands.
     pub arrays: Vec<(String, PvArray)>,
+    /// Crowns that let light through in some months.
+    pub seasons: Vec<Season>,
     /// Which map coordinates become the local origin.
     pub origin: Origin,
 }
@@ -42,6 +46,7 @@ impl SceneSpec {
             convergence_at: None,
             reflectance: BTreeMap::new(),
             arrays: Vec::new(),
+            seasons: Vec::new(),
             origin: Origin::Auto,
         }
     }

@@ -12,6 +12,7 @@ use super::power::{Aim, Power, Shares, Sources};
 use super::replay::{Retold, lobe, word};
 use super::yields::Yields;
 use crate::base::{Fate, Photon, Purpose, Stream, Tally};
+use crate::sky;
 
 /// Everything that photons need, worked out once: horizons, and what falls to which timestep.
 pub struct Tracer<'a> {
@@ -27,6 +28,8 @@ pub struct Tracer<'a> {
     budget: usize,
     power: Power,
     max_path_m: f32,
+    /// Month of each timestep from 0; empty where no crown changes with the season.
+    months: Vec<u8>,
 }
 
 /// What a range of photons came to.
@@ -114,7 +117,23 @@ impl<'a> Tracer<'a> {
         }
         let skies = horizons_of(f64::INFINITY);
         let max_path_m = emission.settings.max_path_m as f32;
-        Ok(Self { emission, emitters, horizons, skies, grounds, disc, budget, power, max_path_m })
+        let month = |day| sky::date_of_day(timeline.year, day).0.saturating_sub(1) as u8;
+        let months = match &emission.site.crowns {
+            Some(_) => timeline.steps.iter().map(|s| month(s.day)).collect(),
+            None => Vec::new(),
+        };
+        Ok(Self {
+            emission,
+            emitters,
+            horizons,
+            skies,
+            grounds,
+            disc,
+            budget,
+            power,
+            max_path_m,
+            months,
+        })
     }
 
     /// Watts that all photons carry together.
@@ -198,7 +217,8 @@ impl<'a> Tracer<'a> {
         } else {
             let start = emitter.point(piece, random);
             flight.start = Some(start);
-            let (fate, hit) = self.fly((aim.emitter, piece), start, to_sun, direction);
+            let ways = (to_sun, direction);
+            let (fate, hit) = self.fly((aim.emitter, piece), start, ways, shares.step, random);
             flight.hit = hit;
             fate
         };
@@ -264,25 +284,37 @@ impl<'a> Tracer<'a> {
     }
 
     /// The way to the sun, and the flight: what becomes of the photon, and if it hits something
-    /// within the limit, how far it flew and which triangle.
+    /// within the limit, how far it flew and which triangle. A crown that lets part of the light
+    /// through stops that part of the photons: so all keep the same flux.
     fn fly(
         &self,
         (emitter, piece): (usize, usize),
         point: DVec3,
-        to_sun: DVec3,
-        direction: DVec3,
+        (to_sun, direction): (DVec3, DVec3),
+        step: usize,
+        random: &mut Stream,
     ) -> (Fate, Option<(f32, u32)>) {
         let site = self.emission.site;
         let (start, towards) = (point.as_vec3(), direction.as_vec3());
         let settings = &self.emission.settings;
         let open = |d| self.skies[emitter].as_ref().is_some_and(|sky| sky.clears(piece, d));
-        if settings.sun_visibility
-            && !open(to_sun)
-            && site.bvh.occluded(start, to_sun.as_vec3(), 0.0, f32::INFINITY)
-        {
-            return (Fate::Blocked, None);
+        let month = self.months.get(step).map_or(0, |m| usize::from(*m));
+        if settings.sun_visibility && !open(to_sun) {
+            let to_sun = to_sun.as_vec3();
+            let free = match &site.crowns {
+                None => !site.bvh.occluded(start, to_sun, 0.0, f32::INFINITY),
+                Some(crowns) => crowns.passes(start, to_sun, month, || random.uniform()),
+            };
+            if !free {
+                return (Fate::Blocked, None);
+            }
         }
-        let Some(hit) = site.bvh.closest(start, towards, 0.0, self.max_path_m) else {
+        let reach_m = self.max_path_m;
+        let met = match &site.crowns {
+            None => site.bvh.closest(start, towards, 0.0, reach_m),
+            Some(crowns) => crowns.closest(start, towards, reach_m, month, || random.uniform()),
+        };
+        let Some(hit) = met else {
             let beyond = !open(direction)
                 && site.bvh.occluded(start, towards, self.max_path_m, f32::INFINITY);
             return (if beyond { Fate::TooFar } else { Fate::Escaped }, None);

@@ -62,7 +62,9 @@ fn the_command_names_what_it_can_t_do() {
         (["--observer", "nobody"], "there are: 30 m west"),
         (["--step", "7s"], "10 s to 1 h"),
         (["--step", "fast"], "expected a step"),
-        (["--object", "nothing"], "no point lies on an object"),
+        (["--object", "nothing"], "no object of the scene"),
+        (["--region", "nowhere"], "no [[region]] is named"),
+        (["--spacing", "0"], "0.001 to 10000"),
         (["--point", "1,2"], "expected X,Y,Z"),
         (["--separation", "200"], "0 to 180"),
         (["--set", "site.horizon=[[0, 100]]"], "far horizon"),
@@ -122,6 +124,20 @@ struct Plain {
 }
 
 impl Plain {
+    fn of(site: &Site) -> Self {
+        Self {
+            triangles: site.triangles.iter().map(|t| t.corners.map(|c| c.as_dvec3())).collect(),
+            pv: site
+                .pv
+                .iter()
+                .map(|pv| {
+                    let own = |t: &u32| site.triangles[*t as usize].corners.map(|c| c.as_dvec3());
+                    (pv.normal, pv.triangles.iter().map(own).collect())
+                })
+                .collect(),
+        }
+    }
+
     /// Möller and Trumbore 1997.
     fn meets([a, b, c]: &[DVec3; 3], from: DVec3, way: DVec3) -> Option<f64> {
         let (e1, e2) = (*b - *a, *c - *a);
@@ -195,17 +211,7 @@ fn ten_observers_of_the_case_study_to_the_minute() {
         eyes.iter().map(|&position| MirrorReceiver { position, normal: None }).collect();
     let years = rule.years(&receivers, &Silent).expect("runs");
 
-    let plain = Plain {
-        triangles: site.triangles.iter().map(|t| t.corners.map(|c| c.as_dvec3())).collect(),
-        pv: site
-            .pv
-            .iter()
-            .map(|pv| {
-                let own = |t: &u32| site.triangles[*t as usize].corners.map(|c| c.as_dvec3());
-                (pv.normal, pv.triangles.iter().map(own).collect())
-            })
-            .collect(),
-    };
+    let plain = Plain::of(&site);
     let suns: Vec<(u32, DVec3)> = (0..365 * 1440)
         .map(|i| (i, sun_at(i / 1440, f64::from(i % 1440) / 60.0)))
         .filter(|s| s.1.z > 0.0)
@@ -222,4 +228,70 @@ fn ten_observers_of_the_case_study_to_the_minute() {
         lit_minutes += own.len();
     }
     assert!(lit_observers >= 6 && lit_minutes > 10_000, "{lit_observers}, {lit_minutes}");
+}
+
+/// Every point of a region against the same few lines; those behind its walls see nothing.
+#[test]
+fn the_points_of_a_region_are_receivers_on_their_wall() {
+    let (_keep, folder) = project("tiny");
+    let file = folder.join("project.toml");
+    let text = std::fs::read_to_string(&file).expect("reads");
+    std::fs::write(&file, text.replace("object = \"wall\"", "object = \"wall\"\nspacing_m = 2.5"))
+        .expect("writes");
+    let path = folder.to_str().expect("a name");
+    let (days, points) = (folder.join("days.csv"), folder.join("points.csv"));
+    let plot = folder.join("chart.png");
+    let said = succeed(&[
+        "mirror",
+        path,
+        "--json",
+        "--region",
+        "The wall",
+        "--csv",
+        days.to_str().expect("a name"),
+        "--points-csv",
+        points.to_str().expect("a name"),
+        "--plot",
+        plot.to_str().expect("a name"),
+    ]);
+    let found: serde_json::Value = serde_json::from_str(&said.out).expect("one document");
+    assert_eq!(found["receivers"].as_array().map(Vec::len), Some(0));
+    let region = &found["regions"][0];
+    let all = region["points"].as_array().expect("points");
+    assert!(plot.exists() && all.len() >= 12, "{}", all.len());
+
+    let resolved = Resolved::read(&folder, &[], 1 << 30).expect("a project");
+    let site = Site::load(&resolved.scene, &resolved.pv).expect("a scene");
+    let plain = Plain::of(&site);
+    let mut anywhere = BTreeSet::new();
+    let mut lit_points = 0;
+    for point in all {
+        let at = |i: usize| point["point"][i].as_f64().expect("a number");
+        // Its east side stands at x = -14.5 and looks at the roof.
+        let eye = DVec3::new(at(0) + 2e-3, at(1), at(2));
+        if (eye.x + 14.5).abs() > 0.01 {
+            continue;
+        }
+        let mut minutes = 0;
+        for i in 0..365 * 1440_u32 {
+            let sun = sun_at(i / 1440, f64::from(i % 1440) / 60.0);
+            // Nothing that is mirrored onto the wall comes from the west.
+            if sun.z > 0.0 && sun.x > 0.0 && plain.dazzles(eye, sun) {
+                minutes += 1;
+                anywhere.insert(i);
+            }
+        }
+        lit_points += usize::from(minutes > 0);
+        let hours = point["hours"].as_f64().expect("hours");
+        assert_eq!((hours * 60.0).round() as u32, minutes, "{eye}");
+    }
+    assert!(lit_points > 3, "{lit_points}");
+    // Its top may be lit at other times.
+    assert!(region["lit_points"].as_u64() >= Some(lit_points as u64));
+    let hours = region["anywhere"]["hours"].as_f64().expect("hours");
+    assert!((hours * 60.0).round() as usize >= anywhere.len(), "{hours}");
+    let lines = |path| std::fs::read_to_string(path).expect("a table").lines().count();
+    assert_eq!(lines(&points), 1 + all.len());
+    let lit_days: BTreeSet<u32> = anywhere.iter().map(|i| i / 1440).collect();
+    assert!(lines(&days) > lit_days.len());
 }

@@ -2,6 +2,7 @@
 
 mod bsdf;
 mod direct;
+mod eyes;
 mod glare;
 mod mirror;
 mod photons;

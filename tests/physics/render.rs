@@ -79,6 +79,7 @@ impl Builder {
             materials: vec![grey],
             pv: self.pv,
             origin: DVec3::ZERO,
+            crowns: None,
             findings: Vec::new(),
         }
     }

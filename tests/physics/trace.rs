@@ -28,6 +28,7 @@ impl Scene {
             origin: DVec3::ZERO,
             bounds: Aabb::EMPTY,
             bvh: Bvh::build(&[]),
+            crowns: None,
             findings: Vec::new(),
         })
     }

@@ -71,6 +71,16 @@ impl<'a> MirrorRule<'a> {
         self.suns.directions.len()
     }
 
+    /// Which suns are looked at.
+    pub fn times(&self) -> &MirrorTimes {
+        &self.times
+    }
+
+    /// PV surfaces of the scene.
+    pub fn surfaces(&self) -> usize {
+        self.site.pv.len()
+    }
+
     /// The year of each receiver, in their order.
     ///
     /// # Errors

@@ -33,6 +33,11 @@ impl MirrorTimes {
         86_400 / self.step_s.max(1)
     }
 
+    /// Instants of the year, nights included.
+    pub fn instants(&self) -> u32 {
+        self.per_day() * sky::days_in_year(self.year)
+    }
+
     fn check(&self) -> Result<(), Error> {
         if !(10..=3600).contains(&self.step_s) || 86_400 % self.step_s != 0 {
             return Err(Error::Settings {

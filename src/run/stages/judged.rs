@@ -5,12 +5,14 @@ use std::path::PathBuf;
 use glintmap_formats::seal;
 use serde::{Deserialize, Serialize};
 
+use super::eyes::read_eyes;
 use super::receivers::read_received;
 use crate::glare::rules::{
     Class, Judged, Limit, Measured, Metrics, Outcome, Profile, Quantity, Verdict,
 };
 use crate::run::Error;
 use crate::run::clock::Clock;
+use crate::run::eyes::{EyeYear, EyeYears, Measure};
 use crate::run::job::Job;
 use crate::run::points::Kind;
 use crate::run::received::{AtThreshold, Banded, GroupReceived};
@@ -55,13 +57,15 @@ pub(super) fn judge(job: &Job<'_>) -> Result<(Vec<Judgement>, PathBuf), Error> {
     for (number, candidate) in job.resolved.candidates.iter().enumerate() {
         let Some(set) = job.resolved.sensors.iter().find(|s| s.name == RECEIVERS) else { break };
         let reference = job.resolved.reference == Some(number);
+        let eyes = read_eyes(job, candidate)?;
         for group in &read_received(job, candidate, set)?.groups {
             if group.kind == Kind::Sensors {
                 continue;
             }
-            let metrics = metrics(job, group, pv_m2);
+            let eye = eye_of(&eyes, group);
+            let metrics = metrics(job, group, eye, pv_m2);
             for profile in &job.resolved.rules {
-                out.push(one(job, candidate, reference, group, &metrics, profile)?);
+                out.push(one(job, candidate, reference, (group, eye), &metrics, profile)?);
             }
         }
     }
@@ -91,26 +95,46 @@ pub(super) fn conditions(job: &Job<'_>) -> Vec<String> {
     out
 }
 
-fn metrics(job: &Job<'_>, group: &GroupReceived, pv_m2: f64) -> Metrics {
+/// The eye of an observer; regions have none.
+pub(super) fn eye_of<'a>(eyes: &'a EyeYears, group: &GroupReceived) -> Option<&'a EyeYear> {
+    let own = |e: &&EyeYear| group.kind == Kind::Observer && e.name == group.name;
+    eyes.observers.iter().find(own)
+}
+
+fn metrics(job: &Job<'_>, group: &GroupReceived, eye: Option<&EyeYear>, pv_m2: f64) -> Metrics {
     let mut measured = Vec::new();
-    let mut plain = |quantity, value| {
-        measured.push(Measured {
-            quantity,
-            threshold_w_m2: None,
-            filtered: false,
-            value,
-            band: None,
-        });
+    let plain = |measured: &mut Vec<Measured>, quantity, value| {
+        let (threshold_w_m2, filtered, band) = (None, false, None);
+        measured.push(Measured { quantity, threshold_w_m2, filtered, value, band });
     };
     // Area and place are known even where the light is not.
-    plain(Quantity::PvAreaM2, pv_m2);
+    plain(&mut measured, Quantity::PvAreaM2, pv_m2);
     if let Some(pv) = &group.pv {
-        plain(Quantity::DistanceM, pv.nearest_m);
-        plain(Quantity::SubtendedDeg, pv.widest_deg);
+        plain(&mut measured, Quantity::DistanceM, pv.nearest_m);
+        plain(&mut measured, Quantity::SubtendedDeg, pv.widest_deg);
+    }
+    if let Some(eye) = eye {
+        plain(&mut measured, Quantity::LuminanceCdM2, eye.luminance_cd_m2.value);
+        plain(&mut measured, Quantity::AfterImageRatio, eye.after_image.value);
+        plain(&mut measured, Quantity::BurnRatio, eye.burn.value);
+    }
+    let half_year = job.resolved.project.time.half_year;
+    if let (Some(eye), true) = (eye, group.not_evaluated.is_some()) {
+        // Photons don't land in free air; the eye's irradiance is integrated there.
+        let peak = match job.resolved.quantity {
+            crate::render::Quantity::Surface => eye.irradiance_w_m2,
+            crate::render::Quantity::Normal => eye.normal_w_m2,
+        };
+        plain(&mut measured, Quantity::IrradianceWM2, peak.value);
+        let thresholds = &job.resolved.project.glare.thresholds_w_m2;
+        for &t in thresholds {
+            measured.extend(eye_times(eye, t, Some(t), half_year));
+        }
+        let lowest = thresholds.iter().copied().fold(f64::INFINITY, f64::min);
+        measured.extend(eye_times(eye, lowest, None, half_year));
     }
     if group.not_evaluated.is_none() {
-        plain(Quantity::IrradianceWM2, group.peak_w_m2);
-        let half_year = job.resolved.project.time.half_year;
+        plain(&mut measured, Quantity::IrradianceWM2, group.peak_w_m2);
         for at in &group.thresholds {
             measured.extend(times(at, Some(at.threshold_w_m2), half_year));
         }
@@ -159,11 +183,40 @@ fn times(at: &AtThreshold, threshold_w_m2: Option<f64>, half_year: bool) -> Vec<
     out
 }
 
+/// Times above an irradiance at an eye, in the words of rules that name it or none.
+fn eye_times(
+    eye: &EyeYear,
+    above_w_m2: f64,
+    threshold_w_m2: Option<f64>,
+    half_year: bool,
+) -> Vec<Measured> {
+    let mut out = Vec::new();
+    for (measure, filtered) in
+        [(Measure::Irradiance(above_w_m2), false), (Measure::Filtered(above_w_m2), true)]
+    {
+        let Some(glare) = eye.time(measure) else { continue };
+        let run = glare.longest_run_h * 60.0;
+        let day = glare.longest_day_h * 60.0;
+        for (quantity, value) in [
+            (Quantity::AnnualH, Some(glare.hours)),
+            (Quantity::LongestRunMin, Some(run)),
+            (Quantity::SustainedMin, Some(run)),
+            (Quantity::DailyTotalMin, (!filtered).then_some(day)),
+            (Quantity::Months, (!filtered && !half_year).then_some(glare.months() as f64)),
+        ] {
+            let measured =
+                |value| Measured { quantity, threshold_w_m2, filtered, value, band: None };
+            out.extend(value.map(measured));
+        }
+    }
+    out
+}
+
 fn one(
     job: &Job<'_>,
     candidate: &Candidate,
     reference: bool,
-    group: &GroupReceived,
+    (group, eye): (&GroupReceived, Option<&EyeYear>),
     metrics: &Metrics,
     profile: &Profile,
 ) -> Result<Judgement, Error> {
@@ -182,7 +235,7 @@ fn one(
         class: metrics.class,
         rule: profile.id.clone(),
         version: profile.version.clone(),
-        sentence: sentence(job, group, profile, &verdict),
+        sentence: sentence(job, group, eye.is_some(), profile, &verdict),
         verdict,
         criteria,
     })
@@ -196,7 +249,11 @@ fn number(value: f64, quantity: Quantity) -> String {
         Quantity::SubtendedDeg => format!("{value:.1}°"),
         _ => {
             let digits = if value.abs() < 10.0 { 1 } else { 0 };
-            format!("{value:.digits$} {}", quantity.unit())
+            match value.abs() {
+                large if large >= 1e6 => format!("{:.1} million {}", value / 1e6, quantity.unit()),
+                large if large >= 1e4 => format!("{:.0} thousand {}", value / 1e3, quantity.unit()),
+                _ => format!("{value:.digits$} {}", quantity.unit()),
+            }
         }
     }
 }
@@ -212,12 +269,18 @@ fn criterion(limit: &Limit, value: f64) -> String {
 }
 
 /// `Within paper-2018.` or what of it is exceeded, or why it says nothing.
-fn sentence(job: &Job<'_>, group: &GroupReceived, profile: &Profile, verdict: &Verdict) -> String {
+fn sentence(
+    job: &Job<'_>,
+    group: &GroupReceived,
+    has_eye: bool,
+    profile: &Profile,
+    verdict: &Verdict,
+) -> String {
     let id = &profile.id;
     if profile.limits.is_empty() {
         return format!("{id} has no numerical criterion.");
     }
-    if let Some(reason) = &group.not_evaluated {
+    if let (Some(reason), false) = (&group.not_evaluated, has_eye) {
         return format!("{id}: not evaluated, because {reason}.");
     }
     let of = |outcome: Outcome| {
@@ -298,7 +361,7 @@ fn why(job: &Job<'_>, profile: &Profile, verdict: &Verdict) -> String {
             limit.conditions.iter().filter(|c| !assumed.contains(c)).cloned().collect();
         let reason = match limit.quantity {
             Quantity::LuminanceCdM2 | Quantity::AfterImageRatio | Quantity::BurnRatio => {
-                format!("{} needs the radiance towards an observer", limit.quantity.words())
+                format!("{} is computed for observers only", limit.quantity.words())
             }
             _ if !missing.is_empty() => format!("it assumes {}", list(missing)),
             Quantity::Months => "the months of half a year, doubled, are not known".into(),

@@ -4,9 +4,11 @@
 mod band;
 mod direct;
 mod events;
+mod eyes;
 mod fused;
 mod glare;
 mod judged;
+mod moments;
 mod people;
 mod photons;
 mod pictures;
@@ -17,9 +19,11 @@ mod suns;
 mod verdicts;
 mod year;
 
+pub(super) use eyes::UNIT as EYES_UNIT;
 pub(super) use glare::glare;
 pub use judged::Judgement;
 pub(super) use judged::read as read_judgements;
+pub(super) use moments::UNIT as MOMENTS_UNIT;
 pub(super) use photons::{Traced, pages, trace};
 pub(super) use pictures::{key as pictures_key, pictures};
 pub(super) use receivers::{check as check_receivers, received_unit};

@@ -1,12 +1,14 @@
 //! The report's part for people: what reaches each observer and region, when, from which PV, and
 //! what the rules say.
 
-use super::judged::{Judgement, class, receivers, told};
+use super::eyes::{hazard_png, read_eyes};
+use super::judged::{Judgement, class, eye_of, receivers, told};
 use super::receivers::{occurrence, read_received};
 use crate::glare::rules::Outcome;
 use crate::report::{Figure, Mark, Point, Section, Table};
 use crate::run::Error;
 use crate::run::clock::Clock;
+use crate::run::eyes::{EyeYear, EyeYears, Measure};
 use crate::run::job::Job;
 use crate::run::points::Kind;
 use crate::run::received::{GroupReceived, Received};
@@ -23,11 +25,13 @@ pub(super) fn sections(job: &Job<'_>, judgements: &[Judgement]) -> Result<Vec<Se
     for candidate in &job.resolved.candidates {
         all.push((candidate, read_received(job, candidate, set)?));
     }
+    let eyes: Vec<EyeYears> =
+        job.resolved.candidates.iter().map(|c| read_eyes(job, c)).collect::<Result<_, _>>()?;
     let clock = Clock::new(&job.resolved.project.site, job.timeline()?.year);
     let count = all.first().map_or(0, |(_, r)| r.groups.len());
     let mut parts = Vec::new();
     for number in 0..count {
-        parts.push(receiver(job, set, &all, number, &clock, judgements)?);
+        parts.push(receiver(job, set, (&all, &eyes), number, &clock, judgements)?);
     }
     let each = Section {
         heading: "Observers and regions".into(),
@@ -175,7 +179,7 @@ fn totals(all: &[(&Candidate, Received)], clock: &Clock) -> Table {
 fn receiver(
     job: &Job<'_>,
     set: &PlannedView,
-    all: &[(&Candidate, Received)],
+    (all, eyes): (&[(&Candidate, Received)], &[EyeYears]),
     number: usize,
     clock: &Clock,
     judgements: &[Judgement],
@@ -190,7 +194,8 @@ fn receiver(
         None => first.name.clone(),
     };
     out.text.push(where_it_is(first));
-    if first.not_evaluated.is_some() {
+    let has_eye = eyes.iter().any(|e| eye_of(e, first).is_some());
+    if first.not_evaluated.is_some() && !has_eye {
         out.points.extend(told(clock, first).into_iter().map(|text| Point {
             text,
             mark: Mark::Open,
@@ -199,13 +204,29 @@ fn receiver(
         return Ok(out);
     }
     let mut charts = Vec::new();
-    for (candidate, received) in all {
+    let mut looks = looks_table();
+    for ((candidate, received), eyes) in all.iter().zip(eyes) {
         let Some(group) = received.groups.get(number) else { continue };
+        let eye = eye_of(eyes, group);
+        let text = match (eye, group.not_evaluated.is_some()) {
+            (Some(eye), true) => eye_told(clock, eye),
+            _ => told(clock, group),
+        };
         out.points.push(Point {
             lead: format!("{}:", candidate.name),
-            text: told(clock, group).join(" "),
+            text: text.join(" "),
             mark: Mark::Plain,
         });
+        if let Some(eye) = eye {
+            looks.rows.push(look(job, clock, &candidate.name, eye)?);
+            let png = hazard_png(job, candidate, number, &group.name);
+            if eye.luminance_cd_m2.value > 0.0 && job.folder.at(&png).exists() {
+                charts.push(Figure {
+                    path: png.to_string_lossy().replace('\\', "/"),
+                    caption: format!("{}, {}: hazard to the eye", group.name, candidate.name),
+                });
+            }
+        }
         let mine =
             judgements.iter().filter(|j| j.material == candidate.name && j.receiver == group.name);
         for j in mine {
@@ -239,8 +260,79 @@ fn receiver(
         }
     }
     out.figures = charts;
+    out.tables.extend((!looks.rows.is_empty()).then_some(looks));
     out.tables.extend(episodes(job, all, number, clock)?);
     Ok(out)
+}
+
+/// An observer in free air: photons don't land there, the eye's irradiance is integrated.
+fn eye_told(clock: &Clock, eye: &EyeYear) -> Vec<String> {
+    let mut out = Vec::new();
+    for time in &eye.times {
+        let Measure::Irradiance(t) = time.measure else { continue };
+        let g = &time.glare;
+        if g.hours <= 0.0 {
+            out.push(format!("Never above {t} W/m² at the eye."));
+            continue;
+        }
+        out.push(format!(
+            "Above {t} W/m² at the eye for {} on {}, {} in the year.",
+            minutes(g.longest_day_h * 60.0),
+            clock.date(g.longest_day),
+            hours(g.hours)
+        ));
+    }
+    out.push("Integrated over the PV, without photons.".into());
+    out
+}
+
+/// What the eye of an observer sees, a row for each material.
+fn looks_table() -> Table {
+    Table {
+        head: [
+            "material",
+            "at the eye (W/m²)",
+            "brightest patch (cd/m²)",
+            "when",
+            "above 30 kcd/m²",
+            "above 50 kcd/m²",
+            "potential for an after-image",
+            "for a burn",
+            "veil (cd/m²)",
+        ]
+        .map(str::to_owned)
+        .to_vec(),
+        rows: Vec::new(),
+    }
+}
+
+fn look(job: &Job<'_>, clock: &Clock, material: &str, eye: &EyeYear) -> Result<Vec<String>, Error> {
+    let timeline = job.timeline()?;
+    let at =
+        |t: usize| timeline.steps.get(t).map_or_else(String::new, |s| clock.show(s.day, s.hour));
+    let long = |measure| match eye.time(measure) {
+        Some(g) if g.hours > 0.0 => {
+            let day = minutes(g.longest_day_h * 60.0);
+            format!("{} a year, {day} on {}", hours(g.hours), clock.date(g.longest_day))
+        }
+        _ => "never".into(),
+    };
+    if eye.luminance_cd_m2.value <= 0.0 {
+        let mut row = vec![material.to_owned()];
+        row.extend(["0", "0", "–", "never", "never", "never", "never", "0"].map(str::to_owned));
+        return Ok(row);
+    }
+    Ok(vec![
+        material.to_owned(),
+        format!("{:.1}", eye.irradiance_w_m2.value),
+        format!("{:.2e}", eye.luminance_cd_m2.value),
+        at(eye.luminance_cd_m2.at),
+        long(Measure::Luminance(30_000.0)),
+        long(Measure::Luminance(50_000.0)),
+        long(Measure::Yellow),
+        long(Measure::Red),
+        format!("{:.0}", eye.veil_cd_m2.value),
+    ])
 }
 
 fn where_it_is(group: &GroupReceived) -> String {

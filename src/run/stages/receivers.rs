@@ -23,7 +23,7 @@ use crate::run::resolve::{Candidate, PlannedView, Points};
 use crate::volume::{TimeAxis, Volume};
 
 /// Clock times at which glare outdoors counts, h.
-const OUTDOOR_H: [f64; 2] = [6.0, 22.0];
+pub(super) const OUTDOOR_H: [f64; 2] = [6.0, 22.0];
 
 /// Checks what regions name before anything is made.
 pub(in crate::run) fn check(job: &Job<'_>) -> Result<(), Error> {

@@ -6,6 +6,7 @@ use glintmap_formats::seal;
 use serde_json::json;
 
 use super::judged::{self, Judgement};
+use super::moments;
 use super::people;
 use super::photons::Traced;
 use super::pictures::read;
@@ -15,7 +16,7 @@ use crate::run::Error;
 use crate::run::clock::Clock;
 use crate::run::job::{Job, Stage};
 use crate::run::manifest::key_of;
-use crate::run::resolve::{Candidate, PlannedView};
+use crate::run::resolve::{Candidate, PlannedMoment, PlannedView, Resolved};
 
 /// Events that the report lists for a material, view and threshold.
 const EVENTS: usize = 5;
@@ -24,7 +25,9 @@ const EVENTS: usize = 5;
 pub(in crate::run) fn report(job: &mut Job<'_>) -> Result<(), Error> {
     let pictures = job.manifest.units.get("pictures").map(|u| u.key.clone());
     let p = &job.resolved.project;
-    let facts = (pictures, &job.resolved.rules, &p.observer, &p.region);
+    let eyes = job.resolved.eyes_key()?;
+    let facts =
+        (pictures, eyes, job.resolved.moments_key()?, &job.resolved.rules, &p.observer, &p.region);
     let key = key_of("report", &facts)?;
     if !job.needs(Stage::Report, "report", &key) {
         return Ok(());
@@ -68,6 +71,7 @@ fn document(job: &Job<'_>, key: &str, judgements: &[Judgement]) -> Result<Docume
     for candidate in &resolved.candidates {
         document.sections.push(pictures_of(job, candidate)?);
     }
+    document.sections.extend(moments(job));
     document.sections.push(limits_of_it(job));
     Ok(document)
 }
@@ -255,6 +259,48 @@ fn pictures_of(job: &Job<'_>, candidate: &Candidate) -> Result<Section, Error> {
     })
 }
 
+/// How trees were taken.
+fn trees(resolved: &Resolved) -> String {
+    let one = |s: &crate::site::Season| {
+        let list: Vec<String> = s.transmittance.iter().map(|t| format!("{t}")).collect();
+        format!("“{}” {}", s.modifier, list.join(" "))
+    };
+    match resolved.scene.seasons.as_slice() {
+        [] => "Trees are opaque all year.".into(),
+        seasons => format!(
+            "Crowns let light through by month, each as a whole (January to December: {}); all else is opaque. Pictures draw crowns as they stand in the model, and the mirror rule takes them as opaque.",
+            seasons.iter().map(one).collect::<Vec<_>>().join("; ")
+        ),
+    }
+}
+
+/// Pictures of luminances, a part for each moment.
+fn moments(job: &Job<'_>) -> Option<Section> {
+    let one = |moment: &PlannedMoment| {
+        let mut figures = Vec::new();
+        for candidate in &job.resolved.candidates {
+            let [plain, luminance] = moments::pictures(job, candidate, moment);
+            for (png, words) in [(plain, "as seen"), (luminance, "luminance")] {
+                if job.folder.at(&png).exists() {
+                    figures.push(Figure {
+                        path: png.to_string_lossy().replace('\\', "/"),
+                        caption: format!("{}, {}: {words}", candidate.name, moment.name),
+                    });
+                }
+            }
+        }
+        let heading = format!("{} ({})", moments::when(job, moment), moment.name);
+        Section { heading, figures, ..Section::default() }
+    };
+    let parts: Vec<Section> = job.resolved.moments.iter().map(one).collect();
+    (!parts.is_empty()).then(|| Section {
+        heading: "At a moment".into(),
+        text: vec!["The scene as an eye sees it in the sun under a clear sky, each picture exposed for itself; luminances on one scale. The HDR files beside them hold radiances (179 lm/W); those of half a sphere are for evalglare.".into()],
+        parts,
+        ..Section::default()
+    })
+}
+
 fn limits_of_it(job: &Job<'_>) -> Section {
     let resolved = job.resolved;
     let p = &resolved.project;
@@ -264,7 +310,8 @@ fn limits_of_it(job: &Job<'_>) -> Section {
     };
     let mut text = vec![
         format!(
-            "{sky} Trees are opaque all year. Light is followed from the PV to the first surface; what that surface reflects again is left out. Beyond {} m from the PV nothing is computed.",
+            "{sky} {} Light is followed from the PV to the first surface; what that surface reflects again is left out. Beyond {} m from the PV nothing is computed.",
+            trees(resolved),
             resolved.trace.max_path_m
         ),
         format!(
@@ -272,7 +319,12 @@ fn limits_of_it(job: &Job<'_>) -> Section {
             super::render::quantity_words(resolved.quantity)
         ),
         "The noise of a value is that of its photons: all irradiances two standard errors lower, and two higher. It doesn't hold what the model leaves out.".into(),
-        "Rules are judged at the point of an observer or region where each value is largest, unfiltered unless the rule asks for the filter; there it runs over time alone. A photon store knows light only where it lands: points in free air are not evaluated. Rules that need luminance or the hazard to the eye are not evaluated.".into(),
+        "Rules are judged at the point of an observer or region where each value is largest, unfiltered unless the rule asks for the filter; there it runs over time alone. A photon store knows light only where it lands: sensors and regions in free air are not evaluated, and observers there by integration over the PV.".into(),
+        format!(
+            "What eyes see (luminance, hazard, veil) is integrated over the PV's cells of half a metre, without photons and without a limit of distance; only what lies before the eye counts. A watt is taken for {} lm. The hazard is that of Ho, Ghanbari and Diver (2011), of the part of the PV that is worst; the veil that of CIE 146:2002 at {} years of age, for a line of sight along the observer's direction (to the middle of the PV where it has none). Mirror images of the sun are some 10 million to a billion cd/m²: above every limit of luminance.",
+            job.timeline().map_or(0.0, |t| t.basis.lm_per_w()),
+            crate::render::eye::hazard::AGE_YEARS,
+        ),
     ];
     if matches!(job.timeline().map(|t| t.basis), Ok(SpectralBasis::Visible)) {
         text.push("Irradiances are visible watts of Radiance's gensky, about half of the full spectrum: held against thresholds that mean the full one, they come out too low.".into());

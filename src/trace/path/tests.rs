@@ -65,6 +65,7 @@ fn scene(seed: u64, pv: &[([Vec3; 4], bool)]) -> Site {
         pv: surfaces,
         origin: DVec3::ZERO,
         bounds,
+        crowns: None,
         findings: Vec::new(),
     }
 }

@@ -1,0 +1,47 @@
+//! Crowns that let light through: the wall of the tiny scene plays the tree.
+
+use std::fs;
+
+use crate::support::program::{project, succeed};
+
+/// Mean annual exposure of the wall and of the ground before it, and the photons of each timestep.
+fn look(transmittance: Option<f64>) -> ([f64; 2], String) {
+    let (_keep, folder) = project("tiny");
+    let path = folder.to_str().expect("a name");
+    let file = folder.join("project.toml");
+    let before = fs::read_to_string(&file).expect("reads");
+    let season = transmittance.map_or(String::new(), |t| {
+        // Only June is computed.
+        format!("[[season]]\nmodifier = \"plaster\"\ntransmittance = [0,0,0,0,0,{t},0,0,0,0,0,0]\n")
+    });
+    // Ground beyond the wall, where photons land that pass it.
+    let region = "[[region]]\nname = \"Behind\"\npolygon = [[-20, -6], [-15.2, -6], [-15.2, 6], [-20, 6]]\n";
+    fs::write(&file, format!("{before}\n{region}\n{season}")).expect("writes");
+    succeed(&["run", path, "--quiet", "--until", "glare", "--set", "photons.stored=40000"]);
+    let text = fs::read_to_string(folder.join("run/standard/receivers/receivers.json"));
+    let found: serde_json::Value = serde_json::from_str(&text.expect("reads")).expect("JSON");
+    let groups = found["groups"].as_array().expect("groups");
+    let mean = |name: &str| {
+        let group = groups.iter().find(|g| g["name"] == name).expect(name);
+        group["annual_mean_wh_m2"].as_f64().expect("a number")
+    };
+    let store = folder.join("run/standard/photons.gmp");
+    let store = store.to_str().expect("a name");
+    let steps = succeed(&["inspect", store, "--per-timestep"]).out;
+    ([mean("The wall"), mean("Behind")], steps)
+}
+
+#[test]
+fn a_crown_keeps_its_share_and_passes_the_rest() {
+    let (opaque, photons) = look(None);
+    // Written down as opaque, photon by photon the same.
+    let (closed, same) = look(Some(0.0));
+    assert_eq!((opaque, photons), (closed, same));
+    let (open, _) = look(Some(1.0));
+    let (half, _) = look(Some(0.4));
+    println!("wall and ground behind: opaque {opaque:?}, half {half:?}, open {open:?}");
+    assert!(opaque[0] > 0.0 && opaque[1] < 0.02 * open[1]);
+    assert_eq!(open[0], 0.0);
+    assert!((half[0] / opaque[0] - 0.6).abs() < 0.06, "{half:?} {opaque:?}");
+    assert!((half[1] / open[1] - 0.4).abs() < 0.08, "{half:?} {open:?}");
+}

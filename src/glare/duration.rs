@@ -3,14 +3,14 @@ use std::io;
 use super::event::Growing;
 use super::label::Labels;
 use super::paged::Paged;
-use super::threshold::Run;
 
 const NONE: u32 = u32::MAX;
 /// Stands for the newest event of a pixel some of whose visits were paged out: none. All its
 /// events are visits then, so that an event finds them when it ends.
 const PAGED: u32 = u32::MAX - 1;
 
-/// How long each pixel was above the threshold so far, and in which events that are alive.
+/// How long each pixel was in each of the events that are alive. Events that begin and end in one
+/// slab never come here.
 ///
 /// A pixel notes its newest event and the count there. The other events that are alive and have
 /// been at the pixel are *visits*: they hang on the pixel in one list and on their event in
@@ -24,20 +24,12 @@ pub(super) struct Durations {
     settling: Vec<u32>,
 }
 
-/// All of a pixel lies in half a cache line.
 #[derive(Clone, Copy, Debug)]
-#[repr(align(32))]
 struct Pixel {
-    /// Timesteps above the threshold.
-    cumulative: u32,
     /// The most timesteps of one event.
     sustained: u32,
-    /// The longest uninterrupted run of timesteps.
-    longest_run: u32,
-    /// When the present run of timesteps began.
-    since: u32,
-    /// When the pixel was above the threshold last; before any clock if never.
-    last: u32,
+    /// The batch in which an event was at the pixel last; 0 if never.
+    noted: u32,
     /// The newest event there; of use only while it's alive, see [`Pixel::newest`].
     label: u32,
     /// Timesteps of that event.
@@ -70,47 +62,35 @@ pub(super) struct Alive {
 }
 
 impl Alive {
-    pub fn new(timestep: u32) -> Self {
-        Self { growing: Growing::new(timestep), visits: NONE, serial: None }
+    pub fn new(growing: Growing) -> Self {
+        Self { growing, visits: NONE, serial: None }
     }
 }
 
 impl Pixel {
-    const DARK: Self = Self {
-        cumulative: 0,
-        sustained: 0,
-        longest_run: 0,
-        since: 0,
-        last: 0,
-        label: 0,
-        count: 0,
-        visits: NONE,
-    };
+    const DARK: Self = Self { sustained: 0, noted: 0, label: 0, count: 0, visits: NONE };
 
     /// The event that the pixel saw last, if it's alive.
     fn newest(&self, labels: &mut Labels) -> Option<u32> {
         // A number that was handed out anew since stands for another event.
         let known = (self.label as usize) < labels.len();
-        let alive = known && self.last >= labels.born(self.label);
+        let alive = known && self.noted >= labels.born(self.label);
         alive.then(|| labels.find(self.label))
     }
 }
 
 impl Durations {
-    /// Bytes for each pixel, with those of the maps in the end.
-    pub const BYTES_PER_PIXEL: u64 = 32 + 12;
+    /// Bytes for each pixel.
+    pub const BYTES_PER_PIXEL: u64 = 20;
 
     pub fn new(pixels: usize) -> Self {
         let visits = Visits { pool: Vec::new(), free: Vec::new() };
         Self { pixels: vec![Pixel::DARK; pixels], visits, settling: Vec::new() }
     }
 
-    /// Timesteps above the threshold, the most timesteps of one event, and the longest
-    /// uninterrupted run of each pixel.
-    pub fn maps(self) -> [Vec<i32>; 3] {
-        // All are bounded by MAX_TIMESTEPS.
-        let map = |of: fn(&Pixel) -> u32| self.pixels.iter().map(|p| of(p) as i32).collect();
-        [map(|p| p.cumulative), map(|p| p.sustained), map(|p| p.longest_run)]
+    /// The most timesteps of one event at each pixel.
+    pub fn sustained(&self) -> impl Iterator<Item = u32> {
+        self.pixels.iter().map(|pixel| pixel.sustained)
     }
 
     /// Bytes in memory beyond those of the pixels and visits.
@@ -136,35 +116,25 @@ impl Durations {
         }
     }
 
-    /// The pixels of `run` are above the threshold at `clock`, in the event of `root`.
-    pub fn touch(
+    /// A pixel is in the event of `root` for `count` timesteps of batch `batch`.
+    #[inline]
+    pub fn stay(
         &mut self,
-        run: &Run,
-        columns: usize,
-        clock: u32,
+        (number, count): (u32, u32),
+        batch: u32,
         root: u32,
         labels: &mut Labels,
         alive: &mut [Alive],
     ) {
-        let first = run.row as usize * columns + run.start as usize;
-        let born = labels.born(root);
-        let pixels = &mut self.pixels[first..][..(run.end - run.start) as usize];
-        for (pixel, at) in pixels.iter_mut().zip(first..) {
-            let last = pixel.last;
-            if last + 1 != clock {
-                pixel.since = clock;
-            }
-            pixel.cumulative += 1;
-            pixel.longest_run = pixel.longest_run.max(clock - pixel.since + 1);
-            let count = if pixel.label == root && last >= born && pixel.visits == NONE {
-                pixel.count + 1
-            } else {
-                self.visits.enter(pixel, at, root, labels, alive)
-            };
-            pixel.count = count;
-            pixel.last = clock;
-            pixel.sustained = pixel.sustained.max(count);
+        let pixel = &mut self.pixels[number as usize];
+        let known = pixel.label == root && pixel.visits == NONE;
+        if known && pixel.noted >= labels.born(root) {
+            pixel.count += count;
+        } else {
+            pixel.count = count + self.visits.enter(pixel, (number, count), root, labels, alive);
         }
+        pixel.noted = batch;
+        pixel.sustained = pixel.sustained.max(pixel.count);
     }
 
     /// The event of `root` is over: settles the pixels where it had visits.
@@ -239,7 +209,7 @@ impl Durations {
     /// Replaces all numbers by those that their events go by.
     pub fn without_aliases(&mut self, labels: &mut Labels) {
         for pixel in &mut self.pixels {
-            // A stale number may be handed out anew, but then it's younger than `last`.
+            // A stale number may be handed out anew, but then it's younger than `noted`.
             if let Some(root) = pixel.newest(labels) {
                 pixel.label = root;
             }
@@ -260,14 +230,14 @@ struct Visits {
 }
 
 impl Visits {
-    /// The event of `root` is at a pixel where it wasn't just before; how many timesteps it has
-    /// there now. What the pixel knew as its newest event becomes a visit if it is another one;
-    /// visits of this event end.
+    /// The event of `root` is at a pixel, for `more` timesteps, where it wasn't just before; how
+    /// many it had there so far. What the pixel knew as its newest event becomes a visit if it is
+    /// another one; visits of this event end.
     #[inline(never)]
     fn enter(
         &mut self,
         pixel: &mut Pixel,
-        number: usize,
+        (number, more): (u32, u32),
         root: u32,
         labels: &mut Labels,
         alive: &mut [Alive],
@@ -289,11 +259,11 @@ impl Visits {
         let pixels = &mut alive[root as usize].growing.pixels;
         *pixels = *pixels + 1 - found;
         if pixel.label == PAGED {
-            self.add(pixel, number, root, count + 1, &mut alive[root as usize]);
+            self.add(pixel, number, root, count + more, &mut alive[root as usize]);
         } else {
             pixel.label = root;
         }
-        count + 1
+        count
     }
 
     /// Removes the visits of an event from a pixel; their counts, and how many they were.
@@ -324,11 +294,10 @@ impl Visits {
         (count, found)
     }
 
-    fn add(&mut self, pixel: &mut Pixel, place: usize, root: u32, count: u32, event: &mut Alive) {
+    fn add(&mut self, pixel: &mut Pixel, place: u32, root: u32, count: u32, event: &mut Alive) {
         let number = self.free.pop().unwrap_or(self.pool.len() as u32);
         let visit = Visit {
-            // Pixels are bounded by MAX_VIEW_PIXELS.
-            pixel: place as u32,
+            pixel: place,
             label: root,
             count,
             next: pixel.visits,

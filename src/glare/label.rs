@@ -1,4 +1,3 @@
-use super::settings::Connectivity;
 use super::threshold::Run;
 
 /// Numbers of events, handed out anew once their event is over. Numbers of events that turned out
@@ -25,7 +24,7 @@ struct Node {
 const NEVER: u32 = u32::MAX;
 
 impl Labels {
-    /// A number for an event that begins at `clock`.
+    /// A number for an event, handed out in batch `clock`.
     pub fn create(&mut self, clock: u32) -> u32 {
         let label = self.free.pop().unwrap_or(self.nodes.len() as u32);
         let node = Node { parent: label, next: label, born: clock };
@@ -116,7 +115,7 @@ impl Labels {
     }
 }
 
-/// The runs of one slice, sorted by row and column, with the numbers of their events.
+/// The runs of one timestep, sorted by row and column, with the numbers of their events.
 #[derive(Debug, Default)]
 pub(super) struct Labelled {
     pub runs: Vec<Run>,
@@ -126,123 +125,31 @@ pub(super) struct Labelled {
 }
 
 impl Labelled {
-    /// Takes the runs of another slice; their labels are still to be found.
-    pub fn set(&mut self, rows: usize, strips: impl Iterator<Item = impl AsRef<[Run]>>) {
-        self.clear();
-        for strip in strips {
-            self.runs.extend_from_slice(strip.as_ref());
-        }
-        self.rows.reserve(rows + 1);
-        self.rows.push(0);
-        let mut at = 0;
-        for row in 0..rows {
+    /// Takes the runs of the next rows, with their numbers.
+    pub fn extend(&mut self, rows: std::ops::Range<usize>, runs: &[Run], labels: &[u32]) {
+        let mut at = self.runs.len();
+        self.runs.extend_from_slice(runs);
+        self.labels.extend_from_slice(labels);
+        self.rows.truncate(rows.start);
+        for row in rows {
+            self.rows.push(at);
             while self.runs.get(at).is_some_and(|run| run.row as usize == row) {
                 at += 1;
             }
-            self.rows.push(at);
         }
-    }
-
-    /// A slice without runs.
-    pub fn clear(&mut self) {
-        self.runs.clear();
-        self.labels.clear();
-        self.rows.clear();
+        self.rows.push(at);
     }
 
     /// The indices of a row's runs; none for rows outside the slice.
-    fn row(&self, row: Option<usize>) -> std::ops::Range<usize> {
+    pub fn row(&self, row: Option<usize>) -> std::ops::Range<usize> {
         let bounds = row.and_then(|row| Some((*self.rows.get(row)?, *self.rows.get(row + 1)?)));
         bounds.map_or(0..0, |(start, end)| start..end)
     }
 }
 
-/// Gives the runs of `newest` their labels: those of the runs they touch in the slice before and
-/// in their own, or new ones. `on` hears of each change. Labels may be aliases in the end.
-pub(super) fn connect(
-    before: &Labelled,
-    newest: &mut Labelled,
-    connectivity: Connectivity,
-    labels: &mut Labels,
-    clock: u32,
-    mut on: impl FnMut(Change),
-) {
-    // How far runs may lie apart and still touch: in the row above of the same slice, the same
-    // row of the slice before, and the rows beside it.
-    let (above, behind, beside) = match connectivity {
-        Connectivity::Faces => (0, 0, None),
-        Connectivity::Edges => (1, 1, Some(0)),
-        Connectivity::Corners => (1, 1, Some(1)),
-    };
-    let Labelled { runs, labels: found, rows } = newest;
-    for row in 0..rows.len().saturating_sub(1) {
-        let here = rows[row]..rows[row + 1];
-        if here.is_empty() {
-            continue;
-        }
-        let up = row.checked_sub(1);
-        let neighbours = [
-            (Some(before.row(Some(row))), behind),
-            (beside.map(|_| before.row(up)), beside.unwrap_or(0)),
-            (beside.map(|_| before.row(Some(row + 1))), beside.unwrap_or(0)),
-        ];
-        let start = here.start;
-        found.extend(here.clone().map(|_| NONE));
-        let mut meet = |mine: &mut u32, theirs: u32| {
-            let theirs = labels.find(theirs);
-            if *mine == NONE {
-                *mine = theirs;
-                return;
-            }
-            let own = labels.find(*mine);
-            *mine = own;
-            if own != theirs {
-                let (kept, given_up) = labels.join(own, theirs);
-                on(Change::Joined { kept, given_up });
-                *mine = kept;
-            }
-        };
-        for (range, gap) in neighbours {
-            let Some(range) = range else { continue };
-            touching(&runs[here.clone()], &before.runs[range.clone()], gap, |mine, theirs| {
-                meet(&mut found[start + mine], before.labels[range.start + theirs]);
-            });
-        }
-        if let Some(up) = up {
-            let range = rows[up]..rows[row];
-            touching(&runs[here.clone()], &runs[range.clone()], above, |mine, theirs| {
-                let label = found[range.start + theirs];
-                meet(&mut found[start + mine], label);
-            });
-        }
-        for label in &mut found[here] {
-            if *label == NONE {
-                *label = labels.create(clock);
-                on(Change::Created(*label));
-            }
-        }
-    }
-}
-
-/// What happens to events while a slice is labelled.
-#[derive(Clone, Copy, Debug)]
-pub(super) enum Change {
-    /// A new event has this number.
-    Created(u32),
-    /// Two events are one.
-    Joined {
-        /// The number that it goes by.
-        kept: u32,
-        /// The number that the other one went by.
-        given_up: u32,
-    },
-}
-
-const NONE: u32 = u32::MAX;
-
 /// Calls `each` with the indices of runs of two rows that lie at most `gap` columns apart
 /// diagonally (0: they share a column).
-fn touching(a: &[Run], b: &[Run], gap: u32, mut each: impl FnMut(usize, usize)) {
+pub(super) fn touching(a: &[Run], b: &[Run], gap: u32, mut each: impl FnMut(usize, usize)) {
     let (mut i, mut j) = (0, 0);
     while let (Some(x), Some(y)) = (a.get(i), b.get(j)) {
         if x.start < y.end + gap && y.start < x.end + gap {

@@ -8,6 +8,7 @@
 //!
 //! [`Slices`] → `smooth` → `threshold` → `label` → `duration`, `event`; `rules` judge.
 
+mod counts;
 mod duration;
 mod error;
 mod event;
@@ -15,6 +16,7 @@ mod events;
 mod kernel;
 mod label;
 mod paged;
+mod passes;
 mod plan;
 mod regular;
 pub mod rules;
@@ -22,6 +24,7 @@ mod runs;
 mod session;
 mod settings;
 mod sheet;
+mod slab;
 mod slices;
 mod smooth;
 mod spot;
@@ -31,8 +34,10 @@ mod threshold;
 mod tile_batch;
 mod track;
 mod vector;
+mod wave;
 mod window;
 mod year;
+mod year_tiles;
 
 pub use error::Error;
 pub use event::Event;
@@ -48,3 +53,4 @@ pub use spot::{Run, SpotGlare, margins, runs, spot};
 pub use stream::{Analysis, Filtered, analyse, analyse_planned, plan};
 pub use tile_batch::TileBatch;
 pub use year::{YearMap, YearRows, year};
+pub use year_tiles::YearTiles;

@@ -48,6 +48,11 @@ impl Paged {
         Self { counts, parents: Vec::new(), over: BTreeMap::new() }
     }
 
+    /// Whether anything is here, so that the end of a segment should be waited for.
+    pub fn is_empty(&self) -> bool {
+        self.parents.is_empty()
+    }
+
     /// A serial number for an event that has none.
     pub fn serial(&mut self) -> u32 {
         let serial = self.parents.len() as u32;

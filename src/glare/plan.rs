@@ -1,18 +1,24 @@
+use super::counts::Counts;
 use super::duration::Durations;
 use super::error::Error;
 use super::settings::Settings;
 use super::smooth::Smoother;
 use super::stream::checked;
-use super::track::Yearly;
+use super::wave::STRIP_ROWS;
+use crate::base::limits::TILE_EDGE;
 
 /// Timesteps that are filtered together: each slice of the window is then fetched from memory
 /// twice instead of nine times at sigma 1.
 const BATCH: usize = 8;
-/// Slices that are read together at most, where a slice is small.
+/// Timesteps that are read together at least, where there is memory for them.
+const BLOCK: usize = 16;
+/// Timesteps that are read together at most, where a slice is small.
 const MAX_BLOCK: usize = 256;
 /// Bytes that a block may have for the sake of fewer reads.
 const SMALL_BLOCK_BYTES: u64 = 4 << 20;
 
+/// Bytes for what is found in a voxel of a strip, however noisy.
+const FOUND_BYTES: usize = 8;
 /// Bytes that may be kept in memory at most of what could be spilled.
 const MAX_SPILL_BYTES: u64 = 64 << 20;
 
@@ -70,18 +76,8 @@ impl Demand {
     fn plan(&self, settings: &Settings) -> Result<Plan, Error> {
         let slice_bytes = 4 * self.pixels();
         let small = usize::try_from(SMALL_BLOCK_BYTES / slice_bytes).unwrap_or(MAX_BLOCK);
-        let block = self.chunk_timesteps.max(small).clamp(1, MAX_BLOCK);
-        let steps = [
-            (BATCH, block),
-            (BATCH, BATCH),
-            (BATCH, 4),
-            (BATCH, 2),
-            (4, 4),
-            (4, 2),
-            (2, 2),
-            (2, 1),
-            (1, 1),
-        ];
+        let block = self.chunk_timesteps.max(small).max(BLOCK).min(MAX_BLOCK);
+        let steps = [(BATCH, block), (BATCH, BLOCK), (BATCH, BATCH), (4, 4), (2, 2), (1, 1)];
         let limit = settings.memory_bytes;
         let roomy = steps.iter().find(|(batch, block)| self.bytes(*batch, *block) <= limit / 4 * 3);
         let (batch, block) = *roomy.unwrap_or(&(1, 1));
@@ -89,7 +85,7 @@ impl Demand {
         if fixed_bytes > limit {
             return Err(Error::Memory {
                 pixels: self.shape[1] * self.shape[2],
-                window: self.window(batch, block),
+                window: self.depth() + block,
                 needed_mib: (fixed_bytes >> 20) + 16,
                 given_mib: limit >> 20,
             });
@@ -103,21 +99,28 @@ impl Demand {
         (self.shape[1] * self.shape[2]) as u64
     }
 
-    /// Slices in memory at most: those that the filter sees, what else lies in the blocks at both
-    /// ends, and the block that is being read.
-    fn window(&self, batch: usize, block: usize) -> usize {
-        let seen = (2 * self.radius[0] + batch).min(self.shape[0]);
-        seen + 2 * (block - 1) + batch.max(block)
+    /// Timesteps before those that are read of which the window keeps all rows.
+    fn depth(&self) -> usize {
+        (2 * self.radius[0]).min(self.shape[0])
     }
 
     fn bytes(&self, batch: usize, block: usize) -> u64 {
-        let yearly = if self.calendar { Yearly::BYTES_PER_PIXEL + 4 } else { 0 };
-        let keep = if self.keep { 4 * batch as u64 } else { 0 };
-        let window = self.window(batch, block) as u64;
-        let pixel = Durations::BYTES_PER_PIXEL + yearly + keep + 4 * window + window / 64;
-        let ring = (2 * self.radius[1] + 1).min(self.shape[1]) * batch;
-        let seen = (2 * self.radius[0] + batch).min(self.shape[0]);
-        let width = self.shape[2].min(512);
-        pixel * self.pixels() + (self.threads * 8 * width * (ring + seen)) as u64
+        let [_, rows, columns] = self.shape;
+        let yearly = if self.calendar { Counts::YEARLY_BYTES_PER_PIXEL } else { 0 };
+        let maps = 12 + if self.calendar { 12 } else { 0 };
+        let keep = if self.keep { 4 * (block + self.radius[0]) as u64 } else { 0 };
+        let past = self.depth() as u64;
+        // The window is gone when the maps are made.
+        let window = (4 * past + past / 16).max(maps);
+        let pixel = Counts::BYTES_PER_PIXEL + Durations::BYTES_PER_PIXEL + yearly + keep + window;
+        // Two waves, what the filter sees above and below, and the rest of its rows of tiles.
+        let strips = STRIP_ROWS * self.threads.max(2);
+        let fresh = (2 * strips + 2 * self.radius[1] + 2 * TILE_EDGE).min(2 * rows);
+        let ring = (2 * self.radius[1] + 4).min(rows) * batch;
+        let width = columns.min(1024 + 64);
+        // What is found in a strip, twice: while it is sought and while it waits to be followed.
+        let found = 2 * FOUND_BYTES * STRIP_ROWS.min(rows) * columns * block;
+        let thread = 4 * width * ring + found;
+        pixel * self.pixels() + (4 * columns * fresh * block + self.threads * thread) as u64
     }
 }

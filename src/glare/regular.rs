@@ -121,22 +121,28 @@ impl Slices for Regular<'_> {
         [self.shows.len(), rows, columns]
     }
 
-    fn read(&self, range: Range<usize>, out: &mut [f32]) -> Result<(), ReadFailure> {
-        let [_, rows, columns] = self.shape();
-        let tiles = rows.div_ceil(TILE_EDGE) * columns.div_ceil(TILE_EDGE);
+    fn read(
+        &self,
+        range: Range<usize>,
+        rows: Range<usize>,
+        out: &mut [f32],
+    ) -> Result<(), ReadFailure> {
+        let [_, _, columns] = self.shape();
+        let tiles = rows.len().div_ceil(TILE_EDGE) * columns.div_ceil(TILE_EDGE);
         let mut lit = vec![true; range.len() * tiles];
-        self.read_lit(range, out, &mut lit)
+        self.read_lit(range, rows, out, &mut lit)
     }
 
     fn read_lit(
         &self,
         range: Range<usize>,
+        rows: Range<usize>,
         out: &mut [f32],
         lit: &mut [bool],
     ) -> Result<(), ReadFailure> {
-        let [_, rows, columns] = self.shape();
-        let pixels = rows * columns;
-        let tiles = rows.div_ceil(TILE_EDGE) * columns.div_ceil(TILE_EDGE);
+        let [_, _, columns] = self.shape();
+        let pixels = rows.len() * columns;
+        let tiles = rows.len().div_ceil(TILE_EDGE) * columns.div_ceil(TILE_EDGE);
         let shows = &self.shows[range];
         let mut at = 0;
         // Timesteps that follow each other and are shown once are read together.
@@ -145,7 +151,7 @@ impl Slices for Regular<'_> {
             let steps = at..at + once;
             let into = &mut out[steps.start * pixels..steps.end * pixels];
             let flags = &mut lit[steps.start * tiles..steps.end * tiles];
-            self.source.read_lit(shows[at]..shows[at] + once, into, flags)?;
+            self.source.read_lit(shows[at]..shows[at] + once, rows.clone(), into, flags)?;
             at += once;
             let last = shows[at - 1];
             while shows.get(at) == Some(&last) {
@@ -178,7 +184,12 @@ mod tests {
             [self.0, 1, 1]
         }
 
-        fn read(&self, range: Range<usize>, out: &mut [f32]) -> Result<(), ReadFailure> {
+        fn read(
+            &self,
+            range: Range<usize>,
+            _: Range<usize>,
+            out: &mut [f32],
+        ) -> Result<(), ReadFailure> {
             for (to, t) in out.iter_mut().zip(range) {
                 *to = t as f32;
             }
@@ -206,7 +217,7 @@ mod tests {
             let mut found = vec![-1.0; 10];
             for start in (0..10).step_by(step) {
                 let range = start..(start + step).min(10);
-                grid.read(range.clone(), &mut found[range]).unwrap();
+                grid.read(range.clone(), 0..1, &mut found[range]).unwrap();
             }
             assert_eq!(found, expected, "{step} at a time");
         }

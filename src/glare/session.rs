@@ -1,13 +1,20 @@
 use std::ops::Range;
 
+use rayon::prelude::*;
+
+use super::counts::Counts;
 use super::error::Error;
+use super::passes::{Pass, Passes};
 use super::plan::Plan;
 use super::settings::Settings;
+use super::slab::Slab;
 use super::slices::{Calendar, Slices};
-use super::smooth::{Batch, Smoother, Strip};
+use super::smooth::{Part, Smoother};
 use super::stream::{Analysis, Filtered, checked};
-use super::track::{Tracker, Yearly};
+use super::track::Tracker;
+use super::wave::{STRIP_ROWS, Wave};
 use super::window::{Block, Window};
+use crate::base::limits::TILE_EDGE;
 use crate::base::{Grid, Progress};
 
 /// An analysis that is fed piece by piece: whole segments in chronological order, from one source
@@ -18,9 +25,10 @@ pub struct Session {
     smoother: Smoother,
     plan: Plan,
     allow_nonfinite: bool,
+    counts: Counts,
     tracker: Tracker,
     window: Window,
-    /// Filtered slices of a batch, where somebody wants them.
+    /// Filtered slices of a pass, where somebody wants them.
     keep: Vec<f32>,
     nonfinite: u64,
     /// Segments that were pushed.
@@ -43,21 +51,22 @@ impl Session {
     ) -> Result<Self, Error> {
         let [timesteps, rows, columns] = checked(shape)?;
         let plan = Plan { batch: plan.batch.max(1), block: plan.block.max(1), ..*plan };
-        let mut tracker = Tracker::new(rows, columns, settings, &plan);
-        if let Some(calendar) = calendar {
+        if let Some(calendar) = &calendar {
             let found = calendar.day.len().min(calendar.weight_h.len());
             if found != timesteps {
                 return Err(Error::Calendar { found, timesteps });
             }
-            tracker.yearly = Some(Yearly::new(calendar, rows * columns));
         }
+        let smoother = Smoother::new(settings)?;
+        let depth = (2 * smoother.t.radius()).min(timesteps);
         Ok(Self {
             shape,
-            smoother: Smoother::new(settings)?,
+            smoother,
             plan,
             allow_nonfinite: settings.allow_nonfinite,
-            tracker,
-            window: Window::new(rows, columns, plan.block),
+            counts: Counts::new(rows, columns, calendar),
+            tracker: Tracker::new(rows, columns, settings, &plan),
+            window: Window::new(rows, columns, depth),
             keep: Vec::new(),
             nonfinite: 0,
             segments: 0,
@@ -82,71 +91,90 @@ impl Session {
         if source.shape() != self.shape {
             return Err(Error::Source { expected: self.shape, found: source.shape() });
         }
-        let range = self.follow(segments)?;
+        let before = self.segments;
+        self.follow(segments)?;
         let [_, rows, columns] = self.shape;
-        let (pixels, step) = (rows * columns, self.plan.batch);
-        if filtered.is_some() {
-            self.keep.resize(pixels * step, 0.0);
-        }
-        let batches = batches(segments, step);
-        let mut reader = Reader {
-            source,
-            step: self.plan.block,
-            next: range.start,
-            end: range.end,
-            allow_nonfinite: self.allow_nonfinite,
-        };
-        let radius = self.smoother.t.radius();
-        let Self { smoother, plan, tracker, window, keep, nonfinite, .. } = self;
-        let mut waiting: Option<(Batch, Vec<Strip>)> = None;
-        // While a batch is filtered, the one before is labelled and what the next one needs is
-        // read: three kinds of work that don't depend on each other.
-        let ahead = batches.first().map_or(0, |b| b.sees(radius).end);
-        let spare = reader.spare(window, ahead);
-        let mut read = reader.read(spare, ahead);
-        for number in 0..=batches.len() {
+        let pixels = rows * columns;
+        let wave_rows = STRIP_ROWS * rayon::current_num_threads().max(2);
+        let reach = self.smoother.y.radius();
+        let mut passes = Passes::new(segments, before, self.plan.block, self.smoother.t.radius());
+        let reader = Reader { source, allow_nonfinite: self.allow_nonfinite };
+        // Rows of tiles that a wave needs, its last row given.
+        let needed = |end: usize| (end + reach).next_multiple_of(TILE_EDGE).min(rows);
+        let Self { smoother, plan, counts, tracker, window, keep, nonfinite, .. } = self;
+        let connectivity = tracker.connectivity();
+        let Some(mut pass) = passes.next(tracker.waits_for_the_end()) else { return Ok(()) };
+        let mut first = 0;
+        let mut waiting: Option<Found> = None;
+        window.begin(pass.reads.start);
+        let spare = window.rooms(0..needed(wave_rows.min(rows)));
+        let mut read = reader.read(&pass, spare);
+        loop {
             progress.check()?;
             for block in read? {
                 *nonfinite += block.nonfinite;
                 window.push(block);
             }
-            let batch = batches.get(number);
-            if let Some(batch) = batch {
-                window.forget_before(batch.sees(radius).start);
+            let here = first..(first + wave_rows).min(rows);
+            window.retire(here.start.saturating_sub(reach));
+            // While these rows are filtered, what was found in those before is followed and what
+            // comes next is read: three kinds of work that don't depend on each other.
+            let (ends, mut ahead) = (here.end == rows, None);
+            if ends {
+                ahead = passes.next(tracker.waits_for_the_end());
             }
-            let ahead = batches.get(number + 1).map_or(0, |next| next.sees(radius).end);
-            let spare = reader.spare(window, ahead);
-            let done = waiting.take();
-            let kept = filtered.is_some().then_some(&mut *keep);
-            let (labelled, (strips, next)) = rayon::join(
-                || done.map_or(Ok(0), |(batch, strips)| label(tracker, &batch, &strips, plan)),
+            let next_rows = match (ends, &ahead) {
+                (false, _) if pass.reads.is_empty() => 0..0,
+                (false, _) => window.end()..needed((here.end + wave_rows).min(rows)),
+                (true, Some(ahead)) if !ahead.reads.is_empty() => 0..needed(wave_rows.min(rows)),
+                (true, _) => 0..0,
+            };
+            let spare = window.rooms(next_rows);
+            let found = waiting.take();
+            let mut kept = None;
+            if filtered.is_some() {
+                keep.resize(pass.steps() * pixels, 0.0);
+                kept = Some(&mut keep[..]);
+            }
+            let (followed, (slabs, next)) = rayon::join(
+                || found.map_or(Ok(0), |found| found.follow(tracker, plan)),
                 || {
                     rayon::join(
                         || {
-                            batch.map(|batch| {
-                                let kept = kept.map(|all| &mut all[..batch.steps.len() * pixels]);
-                                (batch.clone(), smoother.run(window, batch, kept))
-                            })
+                            let (parts, batch) = (&pass.parts, plan.batch);
+                            let rows = here.clone();
+                            Wave { smoother, window, parts, rows, batch, connectivity }
+                                .run(counts, kept)
                         },
-                        || reader.read(spare, ahead),
+                        || reader.read(ahead.as_ref().unwrap_or(&pass), spare),
                     )
                 },
             );
-            progress.advance(labelled?);
-            if let (Some(filtered), Some(batch)) = (&mut filtered, batch) {
-                for (timestep, slice) in batch.steps.clone().zip(keep.chunks_exact(pixels)) {
+            progress.advance(followed?);
+            read = next;
+            let begins = (first == 0).then(|| pass.parts.clone());
+            waiting = Some(Found { slabs, begins, ends: ends.then(|| pass.steps()) });
+            first = here.end;
+            if !ends {
+                continue;
+            }
+            if let Some(filtered) = &mut filtered {
+                let steps = pass.parts.iter().flat_map(|part| part.steps.clone());
+                for (timestep, slice) in steps.zip(keep.chunks_exact(pixels)) {
                     filtered(timestep, slice).map_err(Error::Filtered)?;
                 }
             }
-            (waiting, read) = (strips, next);
+            let Some(ahead) = ahead else { break };
+            (pass, first) = (ahead, 0);
+            window.begin(pass.reads.start);
         }
-        self.window.forget_before(usize::MAX);
+        let found = waiting.map_or(Ok(0), |found| found.follow(tracker, plan));
+        progress.advance(found?);
         Ok(())
     }
 
-    /// The timesteps of segments, if they follow what was pushed so far.
-    fn follow(&mut self, segments: &[Range<usize>]) -> Result<Range<usize>, Error> {
-        let first = self.next;
+    /// Checks that segments follow what was pushed so far.
+    fn follow(&mut self, segments: &[Range<usize>]) -> Result<(), Error> {
         for segment in segments {
             let (start, end) = (segment.start, segment.end);
             if start != self.next || end <= start || end > self.shape[0] {
@@ -155,7 +183,7 @@ impl Session {
             self.segments += 1;
             self.next = end;
         }
-        Ok(first..self.next)
+        Ok(())
     }
 
     fn misplaced(&self, start: usize, end: usize) -> Error {
@@ -167,28 +195,37 @@ impl Session {
     ///
     /// # Errors
     /// Timesteps that are missing.
-    pub fn finish(mut self) -> Result<Analysis, Error> {
+    pub fn finish(self) -> Result<Analysis, Error> {
         let [timesteps, rows, columns] = self.shape;
         if self.next != timesteps {
             return Err(self.misplaced(self.next, self.next));
         }
         // The maps need room while the pixels are still there.
-        self.window = Window::new(rows, columns, 1);
-        let grid = |data| Grid::from_vec(columns, rows, data);
-        let Tracker { durations, yearly, mut events, .. } = self.tracker;
+        drop(self.window);
+        let Tracker { durations, mut events, .. } = self.tracker;
         events.sort();
-        let [cumulative, sustained, longest_run] = durations.maps();
+        let pixels = self.counts.pixels();
+        // All are bounded by MAX_TIMESTEPS.
+        let counts = |of: &mut dyn Iterator<Item = u32>| {
+            Grid::from_vec(columns, rows, of.map(|n| n as i32).collect())
+        };
+        let sustained = durations.sustained().zip(pixels).map(|(a, pixel)| a.max(pixel.sustained));
+        let sustained = counts(&mut sustained.into_iter());
+        drop(durations);
+        let cumulative = counts(&mut pixels.iter().map(|pixel| pixel.cumulative));
+        let longest_run = counts(&mut pixels.iter().map(|pixel| pixel.longest_run));
         let (mut days, mut longest_day, mut cumulative_h) = (None, None, None);
-        if let Some(yearly) = yearly {
-            days = Some(grid(yearly.days));
-            longest_day = Some(grid(yearly.longest_day));
-            let hours = yearly.hours.iter().map(|h| *h as f32).collect();
+        if let Some(yearly) = self.counts.yearly() {
+            let grid = |data| Grid::from_vec(columns, rows, data);
+            days = Some(grid(yearly.iter().map(|pixel| pixel.days).collect()));
+            longest_day = Some(grid(yearly.iter().map(|pixel| pixel.longest_day).collect()));
+            let hours = yearly.iter().map(|pixel| pixel.hours as f32).collect();
             cumulative_h = Some(Grid::from_vec(columns, rows, hours));
         }
         Ok(Analysis {
-            cumulative: grid(cumulative),
-            sustained: grid(sustained),
-            longest_run: grid(longest_run),
+            cumulative,
+            sustained,
+            longest_run,
             days,
             longest_day,
             cumulative_h,
@@ -198,73 +235,56 @@ impl Session {
     }
 }
 
-/// Reads blocks in order.
+/// Reads rows of tiles.
 struct Reader<'a> {
     source: &'a dyn Slices,
-    step: usize,
-    /// First timestep that wasn't read.
-    next: usize,
-    /// Behind the last timestep.
-    end: usize,
     allow_nonfinite: bool,
 }
 
 impl Reader<'_> {
-    /// Blocks to read into until `end`.
-    fn spare(&self, window: &mut Window, end: usize) -> Vec<Block> {
-        let start = self.next / self.step * self.step;
-        let blocks = if end > self.next { (end - start).div_ceil(self.step) } else { 0 };
-        (0..blocks).map(|_| window.spare()).collect()
-    }
-
-    /// Reads all blocks that begin before `end`.
-    fn read(&mut self, spare: Vec<Block>, end: usize) -> Result<Vec<Block>, Error> {
-        let mut spare = spare.into_iter();
-        let mut out = Vec::new();
-        while self.next < end {
-            // Blocks begin at multiples of their length, where chunks begin; only the first may not.
-            let last = (self.next / self.step + 1) * self.step;
-            let range = self.next..last.min(self.end);
-            let block = spare.next().unwrap_or_default();
-            self.next = range.end;
-            out.push(block.read(self.source, range, self.allow_nonfinite)?);
+    /// Reads rows of tiles at the timesteps of a pass, into room for each of them.
+    fn read(&self, pass: &Pass, rooms: Vec<(Range<usize>, Block)>) -> Result<Vec<Block>, Error> {
+        if pass.reads.is_empty() {
+            return Ok(Vec::new());
         }
-        Ok(out)
+        let read = |(rows, block): (Range<usize>, Block)| {
+            block.read(self.source, pass.reads.clone(), rows, self.allow_nonfinite)
+        };
+        // Of several errors the topmost is told, whatever the threads.
+        let all: Vec<_> = rooms.into_par_iter().with_max_len(1).map(read).collect();
+        all.into_iter().collect()
     }
 }
 
-/// Tracks the slices of a batch; how many there were.
-fn label(
-    tracker: &mut Tracker,
-    batch: &Batch,
-    strips: &[Strip],
-    plan: &Plan,
-) -> Result<u64, Error> {
-    for (step, timestep) in batch.steps.clone().enumerate() {
-        tracker.slice(timestep, strips.iter().map(|strip| &strip[step])).map_err(Error::Spill)?;
-        let found = tracker.bytes() as u64;
-        if found > plan.events_bytes {
-            return Err(Error::Events {
-                timestep,
-                found_mib: found >> 20,
-                allowed_mib: plan.events_bytes >> 20,
-            });
-        }
-    }
-    if batch.steps.end == batch.segment.end {
-        tracker.end_segment().map_err(Error::Spill)?;
-    }
-    Ok(batch.steps.len() as u64)
+/// What was found in a wave.
+struct Found {
+    slabs: Vec<Vec<Slab>>,
+    /// The parts of its pass, if it is the first wave.
+    begins: Option<Vec<Part>>,
+    /// How many timesteps the pass had, if it is the last wave.
+    ends: Option<usize>,
 }
 
-fn batches(segments: &[Range<usize>], step: usize) -> Vec<Batch> {
-    let cut = |segment: &Range<usize>| {
-        let (segment, end) = (segment.clone(), segment.end);
-        segment.clone().step_by(step).map(move |start| Batch {
-            segment: segment.clone(),
-            steps: start..(start + step).min(end),
-            room: step,
-        })
-    };
-    segments.iter().flat_map(cut).collect()
+impl Found {
+    /// Follows events through the wave; how many timesteps are done by that.
+    fn follow(self, tracker: &mut Tracker, plan: &Plan) -> Result<u64, Error> {
+        if let Some(parts) = &self.begins {
+            tracker.begin(parts);
+        }
+        for slabs in self.slabs {
+            tracker.add(slabs).map_err(Error::Spill)?;
+            let found = tracker.bytes() as u64;
+            if found > plan.events_bytes {
+                return Err(Error::Events {
+                    timestep: tracker.timestep(),
+                    found_mib: found >> 20,
+                    allowed_mib: plan.events_bytes >> 20,
+                });
+            }
+        }
+        if self.ends.is_some() {
+            tracker.end().map_err(Error::Spill)?;
+        }
+        Ok(self.ends.unwrap_or(0) as u64)
+    }
 }

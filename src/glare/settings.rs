@@ -26,6 +26,17 @@ impl Connectivity {
         }
     }
 
+    /// How far apart runs of voxels may lie along a row and still touch (0: they share a column): in
+    /// neighbouring rows of one timestep, in the same row of neighbouring timesteps, and in
+    /// neighbouring rows of neighbouring timesteps, where those can touch at all.
+    pub(super) fn gaps(self) -> (u32, u32, Option<u32>) {
+        match self {
+            Self::Faces => (0, 0, None),
+            Self::Edges => (1, 1, Some(0)),
+            Self::Corners => (1, 1, Some(1)),
+        }
+    }
+
     /// Number of neighbours of a voxel.
     pub fn neighbours(self) -> u32 {
         match self {

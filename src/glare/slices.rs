@@ -2,7 +2,6 @@ use std::error::Error as StdError;
 use std::ops::Range;
 
 use crate::base::FaultKind;
-#[cfg(doc)]
 use crate::base::limits::TILE_EDGE;
 use crate::volume::{self, Volume};
 
@@ -32,27 +31,34 @@ pub trait Slices: Sync {
     /// Timesteps, rows and columns.
     fn shape(&self) -> [usize; 3];
 
-    /// Fills `out` (as many slices as `range` has timesteps) with the slices of `range`.
+    /// Fills `out`, `[timestep, row, column]`, with the picked `rows` of the slices of `range`.
+    /// Rows begin at a multiple of [`TILE_EDGE`] and end at one, or at the bottom.
     ///
     /// # Errors
     /// Whatever keeps the volume from being read.
-    fn read(&self, range: Range<usize>, out: &mut [f32]) -> Result<(), ReadFailure>;
+    fn read(
+        &self,
+        range: Range<usize>,
+        rows: Range<usize>,
+        out: &mut [f32],
+    ) -> Result<(), ReadFailure>;
 
     /// [`Self::read`] into room that was used before. `lit` has an entry for each slice and each
-    /// tile of [`TILE_EDGE`] x [`TILE_EDGE`] pixels, `[slice, tile row, tile column]`: on entry
-    /// `false` says that `out` is all +0 there, on return that the volume is. A volume that can't
-    /// tell says `true` everywhere.
+    /// tile of [`TILE_EDGE`] x [`TILE_EDGE`] pixels of those rows, `[slice, tile row, tile column]`:
+    /// on entry `false` says that `out` is all +0 there, on return that the volume is. A volume
+    /// that can't tell says `true` everywhere.
     ///
     /// # Errors
     /// Whatever keeps the volume from being read.
     fn read_lit(
         &self,
         range: Range<usize>,
+        rows: Range<usize>,
         out: &mut [f32],
         lit: &mut [bool],
     ) -> Result<(), ReadFailure> {
         lit.fill(true);
-        self.read(range, out)
+        self.read(range, rows, out)
     }
 
     /// How many timesteps are best read at once, beginning at a multiple of that number.
@@ -77,17 +83,26 @@ impl Slices for Volume {
         Volume::shape(self)
     }
 
-    fn read(&self, range: Range<usize>, out: &mut [f32]) -> Result<(), ReadFailure> {
-        Ok(Volume::read(self, range, out)?)
+    fn read(
+        &self,
+        range: Range<usize>,
+        rows: Range<usize>,
+        out: &mut [f32],
+    ) -> Result<(), ReadFailure> {
+        let [_, _, columns] = Volume::shape(self);
+        let tiles = rows.len().div_ceil(TILE_EDGE) * columns.div_ceil(TILE_EDGE);
+        let mut lit = vec![true; range.len() * tiles];
+        Ok(self.read_rows(range, rows, out, &mut lit)?)
     }
 
     fn read_lit(
         &self,
         range: Range<usize>,
+        rows: Range<usize>,
         out: &mut [f32],
         lit: &mut [bool],
     ) -> Result<(), ReadFailure> {
-        Ok(Volume::read_lit(self, range, out, lit)?)
+        Ok(self.read_rows(range, rows, out, lit)?)
     }
 
     fn chunk_timesteps(&self) -> usize {

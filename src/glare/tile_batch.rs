@@ -120,29 +120,37 @@ impl Slices for TileBatch {
         self.shape
     }
 
-    fn read(&self, range: Range<usize>, out: &mut [f32]) -> Result<(), ReadFailure> {
-        let mut lit = vec![true; range.len() * self.tiles.len()];
-        self.read_lit(range, out, &mut lit)
+    fn read(
+        &self,
+        range: Range<usize>,
+        rows: Range<usize>,
+        out: &mut [f32],
+    ) -> Result<(), ReadFailure> {
+        let mut lit = vec![true; range.len() * rows.len().div_ceil(TILE_EDGE) * self.across()];
+        self.read_lit(range, rows, out, &mut lit)
     }
 
     fn read_lit(
         &self,
         range: Range<usize>,
+        rows: Range<usize>,
         out: &mut [f32],
         lit: &mut [bool],
     ) -> Result<(), ReadFailure> {
-        let [_, rows, columns] = self.shape;
+        let columns = self.shape[2];
         if range.start < self.range.start || range.end > self.range.end {
             let what = format!("timesteps {range:?} aren't in the batch of {:?}", self.range);
             return Err(ReadFailure { kind: FaultKind::Failed, source: what.into() });
         }
-        let slices =
-            out.chunks_exact_mut(rows * columns).zip(lit.chunks_exact_mut(self.tiles.len()));
+        let first = rows.start / TILE_EDGE * self.across();
+        let tiles = rows.len().div_ceil(TILE_EDGE) * self.across();
+        let slices = out.chunks_exact_mut(rows.len() * columns).zip(lit.chunks_exact_mut(tiles));
         for (timestep, (out, lit)) in range.zip(slices) {
-            for (number, lit) in lit.iter_mut().enumerate() {
+            for (number, lit) in (first..).zip(lit) {
                 let tile = self.rect(number);
+                let top = tile.row - rows.start;
                 if *lit {
-                    for row in out.chunks_exact_mut(columns).skip(tile.row).take(tile.rows) {
+                    for row in out.chunks_exact_mut(columns).skip(top).take(tile.rows) {
                         row[tile.column..][..tile.columns].fill(0.0);
                     }
                 }
@@ -150,7 +158,7 @@ impl Slices for TileBatch {
                 for entry in entries {
                     let place = entry.key as usize % TILE;
                     let (row, column) = (place / TILE_EDGE, place % TILE_EDGE);
-                    let at = (tile.row + row) * columns + tile.column + column;
+                    let at = (top + row) * columns + tile.column + column;
                     out[at] = entry.irradiance_w_m2;
                 }
                 *lit = !entries.is_empty();

@@ -1,39 +1,61 @@
-use super::duration::{Alive, Durations};
 use std::io;
 
+use super::duration::{Alive, Durations};
 use super::events::Events;
-use super::label::{Change, Labelled, Labels, connect};
+use super::label::{Labelled, Labels, touching};
 use super::paged::Paged;
 use super::plan::Plan;
 use super::settings::{Connectivity, Settings};
-use super::slices::Calendar;
+use super::slab::{Face, Slab};
+use super::smooth::Part;
 use super::threshold::Run;
 
-/// Follows glare from slice to slice: events that are alive, how long each pixel is in them, and
+const NONE: u32 = u32::MAX;
+
+/// Follows glare from slab to slab: events that are alive, how long each pixel is in them, and
 /// the events that are over.
+///
+/// A batch is what is found of one [`Part`] of a segment; it comes strip by strip from the top,
+/// and several parts may be on their way at once.
 #[derive(Debug)]
 pub(super) struct Tracker {
     rows: usize,
     columns: usize,
     connectivity: Connectivity,
-    /// Counts timesteps; jumps where a segment begins, so that nothing goes on across it.
-    clock: u32,
+    /// Batches that were begun.
+    batches: u32,
+    /// The last timestep of the batch before, where its segment goes on.
     before: Labelled,
-    newest: Labelled,
+    parts: Vec<Ongoing>,
     labels: Labels,
     alive: Vec<Alive>,
-    /// Events that end with this slice.
-    over: Vec<u32>,
-    /// For each number when it was last seen in a slice.
+    /// For each number the batch in which it was seen last at the end, or ended.
     seen: Vec<u32>,
     pub durations: Durations,
-    pub yearly: Option<Yearly>,
     pub events: Events,
     paged: Paged,
     /// Bytes that visits may take before they are paged out.
     visit_bytes: u64,
     /// Aliases that are tolerated before they are cleared away.
     max_aliases: usize,
+}
+
+/// A batch some of whose strips were added.
+#[derive(Debug)]
+struct Ongoing {
+    number: u32,
+    /// First timestep.
+    first: usize,
+    /// Whether the segment began before this batch.
+    goes_on: bool,
+    /// Whether the segment ends with this batch.
+    ends: bool,
+    /// For each timestep the lowest row of the strip above, with the numbers of its events.
+    above: Vec<Face>,
+    /// The last timestep, where the segment goes on.
+    newest: Labelled,
+    /// Numbers that were handed out.
+    created: Vec<u32>,
 }
 
 impl Tracker {
@@ -44,16 +66,13 @@ impl Tracker {
             rows,
             columns,
             connectivity: settings.connectivity,
-            // Later than 1: pixels that were never above the threshold have 0 as their last time.
-            clock: 1,
+            batches: 0,
             before: Labelled::default(),
-            newest: Labelled::default(),
+            parts: Vec::new(),
             labels: Labels::default(),
             alive: Vec::new(),
-            over: Vec::new(),
             seen: Vec::new(),
             durations: Durations::new(rows * columns),
-            yearly: None,
             events: Events::new(quarter, settings.spill.clone()),
             paged: Paged::new(quarter, settings.spill.clone()),
             visit_bytes: 2 * quarter,
@@ -61,104 +80,202 @@ impl Tracker {
         }
     }
 
-    /// The next slice: all its runs above the threshold, strip by strip.
+    /// Whether something lies on the disk that waits for the end of its segment.
+    pub fn waits_for_the_end(&self) -> bool {
+        !self.paged.is_empty()
+    }
+
+    /// Which voxels are neighbours.
+    pub fn connectivity(&self) -> Connectivity {
+        self.connectivity
+    }
+
+    /// The first timestep of what is on its way.
+    pub fn timestep(&self) -> usize {
+        self.parts.first().map_or(0, |part| part.first)
+    }
+
+    /// Begins the batches of parts that follow each other.
+    pub fn begin(&mut self, parts: &[Part]) {
+        for part in parts {
+            self.batches += 1;
+            self.parts.push(Ongoing {
+                number: self.batches,
+                first: part.steps.start,
+                goes_on: part.steps.start > part.segment.start,
+                ends: part.steps.end == part.segment.end,
+                above: Vec::new(),
+                newest: Labelled::default(),
+                created: Vec::new(),
+            });
+        }
+    }
+
+    /// The next strip: a slab for each part.
     ///
     /// # Errors
     /// A disk to which nothing can be spilled.
-    pub fn slice<'a>(
-        &mut self,
-        timestep: usize,
-        strips: impl Iterator<Item = &'a Vec<Run>>,
-    ) -> io::Result<()> {
-        self.clock += 1;
-        let clock = self.clock;
-        // Bounded by MAX_TIMESTEPS.
-        let timestep_u32 = timestep as u32;
-        std::mem::swap(&mut self.before, &mut self.newest);
-        self.newest.set(self.rows, strips);
-        let Self { labels, alive, seen, durations, before, newest, paged, .. } = self;
-        connect(before, newest, self.connectivity, labels, clock, |change| match change {
-            Change::Created(label) => {
-                let fresh = Alive::new(timestep_u32);
-                match alive.get_mut(label as usize) {
+    pub fn add(&mut self, slabs: Vec<Slab>) -> io::Result<()> {
+        for (number, slab) in slabs.into_iter().enumerate() {
+            self.add_slab(number, slab)?;
+            if self.durations.visit_bytes() as u64 > self.visit_bytes {
+                self.durations.page_out(&mut self.labels, &mut self.alive, &mut self.paged)?;
+            }
+            if self.labels.aliases() > self.max_aliases {
+                self.clear_aliases();
+            }
+        }
+        Ok(())
+    }
+
+    fn add_slab(&mut self, number: usize, mut slab: Slab) -> io::Result<()> {
+        for event in std::mem::take(&mut slab.events) {
+            self.events.push(event)?;
+        }
+        let mut known = vec![NONE; slab.open.len()];
+        self.meet_before(number, &slab, &mut known);
+        self.meet_above(number, &slab, &mut known);
+        let Self { labels, alive, seen, durations, parts, .. } = self;
+        let part = &mut parts[number];
+        for (label, growing) in known.iter_mut().zip(&slab.open) {
+            if *label == NONE {
+                *label = labels.create(part.number);
+                part.created.push(*label);
+                let fresh = Alive::new(*growing);
+                match alive.get_mut(*label as usize) {
                     Some(old) => *old = fresh,
                     None => alive.push(fresh),
                 }
+            } else {
+                *label = labels.find(*label);
+                alive[*label as usize].growing.merge(growing);
             }
-            Change::Joined { kept, given_up } => {
-                durations.join(alive, kept, given_up, paged);
-            }
-        });
+        }
         seen.resize(labels.len(), 0);
-        let columns = self.columns as u64;
-        let slice = timestep as u64 * self.rows as u64 * columns;
-        for (run, label) in newest.runs.iter().zip(&mut newest.labels) {
-            *label = labels.find(*label);
-            seen[*label as usize] = clock;
-            let growing = &mut alive[*label as usize].growing;
-            growing.add(run, timestep_u32, slice, columns);
-            durations.touch(run, self.columns, clock, *label, labels, alive);
+        for stay in &slab.stays {
+            let root = known[stay.group as usize];
+            durations.stay((stay.pixel, stay.count), part.number, root, labels, alive);
         }
-        if let Some(yearly) = &mut self.yearly {
-            for run in &newest.runs {
-                let row = run.row as usize * self.columns;
-                yearly.touch(timestep, row + run.start as usize..row + run.end as usize);
-            }
+        let label = |faces: &mut Face| {
+            faces.groups.iter_mut().for_each(|group| *group = known[*group as usize]);
+        };
+        label(&mut slab.last);
+        slab.bottom.iter_mut().for_each(label);
+        if !part.ends {
+            part.newest.extend(slab.rows, &slab.last.runs, &slab.last.groups);
         }
-        self.end_events_not_in_newest()?;
-        if self.durations.visit_bytes() as u64 > self.visit_bytes {
-            self.durations.page_out(&mut self.labels, &mut self.alive, &mut self.paged)?;
-        }
-        if self.labels.aliases() > self.max_aliases {
-            self.clear_aliases();
-        }
+        part.above = slab.bottom;
         Ok(())
     }
 
-    /// Nothing crosses the border of a segment.
+    /// What touches the timestep before the batch.
+    fn meet_before(&mut self, number: usize, slab: &Slab, known: &mut [u32]) {
+        if !self.parts[number].goes_on {
+            return;
+        }
+        let (_, behind, beside) = self.connectivity.gaps();
+        for (row, start, end) in rows_of(&slab.first.runs) {
+            let runs = &slab.first.runs[start..end];
+            let mut near = vec![(Some(row), behind)];
+            if let Some(beside) = beside {
+                near.extend([(row.checked_sub(1), beside), (Some(row + 1), beside)]);
+            }
+            for (row, gap) in near {
+                let there = self.before.row(row);
+                let Self { before, labels, alive, durations, paged, .. } = self;
+                let mut meeting = Meeting { labels, alive, durations, paged };
+                touching(runs, &before.runs[there.clone()], gap, |mine, theirs| {
+                    let group = slab.first.groups[start + mine] as usize;
+                    meeting.meet(&mut known[group], before.labels[there.start + theirs]);
+                });
+            }
+        }
+    }
+
+    /// What touches the strip above.
+    fn meet_above(&mut self, number: usize, slab: &Slab, known: &mut [u32]) {
+        let (above, _, beside) = self.connectivity.gaps();
+        let faces = std::mem::take(&mut self.parts[number].above);
+        for (step, top) in slab.top.iter().enumerate() {
+            let mut near = vec![(Some(step), above)];
+            if let Some(beside) = beside {
+                near.extend([(step.checked_sub(1), beside), (Some(step + 1), beside)]);
+            }
+            for (step, gap) in near {
+                let Some(face) = step.and_then(|step| faces.get(step)) else { continue };
+                let Self { labels, alive, durations, paged, .. } = self;
+                let mut meeting = Meeting { labels, alive, durations, paged };
+                touching(&top.runs, &face.runs, gap, |mine, theirs| {
+                    let group = top.groups[mine] as usize;
+                    meeting.meet(&mut known[group], face.groups[theirs]);
+                });
+            }
+        }
+    }
+
+    /// All strips of the batches were added: ends the events that aren't in the last timestep of
+    /// their batch any more, since whatever joins an event later would have to do so through it.
     ///
     /// # Errors
     /// A disk to which nothing can be spilled.
-    pub fn end_segment(&mut self) -> io::Result<()> {
-        self.clock += 1;
-        std::mem::swap(&mut self.before, &mut self.newest);
-        self.newest.clear();
-        self.end_events_not_in_newest()?;
-        for event in self.paged.settle(&mut self.durations)? {
-            self.events.push(event.finished(self.rows as u64, self.columns as u64))?;
+    pub fn end(&mut self) -> io::Result<()> {
+        let mut over = Vec::new();
+        let mut ends = false;
+        for part in std::mem::take(&mut self.parts) {
+            for &label in &part.newest.labels {
+                let root = self.labels.find(label);
+                self.seen[root as usize] = part.number;
+            }
+            let before = std::mem::replace(&mut self.before, part.newest);
+            let went_on: &[u32] = if part.goes_on { &before.labels } else { &[] };
+            for &label in went_on.iter().chain(&part.created) {
+                let root = self.labels.find(label);
+                if self.seen[root as usize] == part.number {
+                    continue;
+                }
+                self.seen[root as usize] = part.number;
+                self.finish(root)?;
+                over.push(root);
+            }
+            ends = part.ends;
+        }
+        for root in over {
+            self.labels.release(root);
+        }
+        if ends {
+            for event in self.paged.settle(&mut self.durations)? {
+                self.events.push(event.finished(self.rows as u64, self.columns as u64))?;
+            }
         }
         Ok(())
     }
 
-    /// Ends the events that the slice before had and the newest doesn't: whatever joins an event
-    /// later would have to do so through the newest slice.
-    fn end_events_not_in_newest(&mut self) -> io::Result<()> {
-        for &label in &self.before.labels {
-            let root = self.labels.find(label);
-            if self.seen[root as usize] == self.clock {
-                continue;
+    /// An event is over.
+    fn finish(&mut self, root: u32) -> io::Result<()> {
+        let Self { labels, alive, paged, .. } = self;
+        self.durations.settle(root, labels, alive, paged)?;
+        let Alive { growing, serial, .. } = &alive[root as usize];
+        match serial {
+            Some(serial) => paged.end(*serial, *growing),
+            None => {
+                self.events.push(growing.finished(self.rows as u64, self.columns as u64))?;
             }
-            let Self { labels, alive, paged, .. } = self;
-            self.durations.settle(root, labels, alive, paged)?;
-            let Alive { growing, serial, .. } = &alive[root as usize];
-            match serial {
-                Some(serial) => paged.end(*serial, *growing),
-                None => {
-                    self.events.push(growing.finished(self.rows as u64, self.columns as u64))?;
-                }
-            }
-            self.seen[root as usize] = self.clock;
-            self.over.push(root);
-        }
-        for root in self.over.drain(..) {
-            self.labels.release(root);
         }
         Ok(())
     }
 
     fn clear_aliases(&mut self) {
-        for label in &mut self.newest.labels {
-            *label = self.labels.find(*label);
+        let Self { labels, before, parts, .. } = self;
+        let mut replace = |list: &mut [u32]| {
+            list.iter_mut().for_each(|label| *label = labels.find(*label));
+        };
+        replace(&mut before.labels);
+        for part in parts {
+            replace(&mut part.newest.labels);
+            part.above.iter_mut().for_each(|face| replace(&mut face.groups));
+            replace(&mut part.created);
+            part.created.sort_unstable();
+            part.created.dedup();
         }
         self.durations.without_aliases(&mut self.labels);
         self.labels.compact();
@@ -167,57 +284,52 @@ impl Tracker {
     /// Bytes in memory beyond those of the pixels and of what can be spilled.
     pub fn bytes(&self) -> usize {
         let run = size_of::<Run>() + size_of::<u32>();
+        let runs = |part: &Ongoing| {
+            let above: usize = part.above.iter().map(|face| face.runs.capacity()).sum();
+            (above + part.newest.runs.capacity()) * run + part.created.capacity() * 4
+        };
         self.durations.bytes()
             + self.labels.bytes()
-            + (self.before.runs.capacity() + self.newest.runs.capacity()) * run
+            + self.before.runs.capacity() * run
+            + self.parts.iter().map(runs).sum::<usize>()
             + self.alive.capacity() * size_of::<Alive>()
             + self.seen.capacity() * size_of::<u32>()
             + self.paged.bytes()
     }
 }
 
-/// What pixels collect where the volume has a calendar.
-#[derive(Debug)]
-pub(super) struct Yearly {
-    calendar: Calendar,
-    /// Days with glare.
-    pub days: Vec<i32>,
-    /// The most timesteps above the threshold on one day.
-    pub longest_day: Vec<i32>,
-    /// Hours of the year above the threshold.
-    pub hours: Vec<f64>,
-    today: Vec<i32>,
-    /// The day after the one that `today` counts; 0 before the first.
-    day_after: Vec<u32>,
+/// What changes where groups meet.
+struct Meeting<'a> {
+    labels: &'a mut Labels,
+    alive: &'a mut [Alive],
+    durations: &'a mut Durations,
+    paged: &'a mut Paged,
 }
 
-impl Yearly {
-    /// Bytes for each pixel.
-    pub const BYTES_PER_PIXEL: u64 = 24;
-
-    pub fn new(calendar: Calendar, pixels: usize) -> Self {
-        Self {
-            calendar,
-            days: vec![0; pixels],
-            longest_day: vec![0; pixels],
-            hours: vec![0.0; pixels],
-            today: vec![0; pixels],
-            day_after: vec![0; pixels],
+impl Meeting<'_> {
+    /// A group, which may have a number already, touches something of the event of `theirs`.
+    fn meet(&mut self, mine: &mut u32, theirs: u32) {
+        let theirs = self.labels.find(theirs);
+        if *mine == NONE {
+            *mine = theirs;
+            return;
+        }
+        let own = self.labels.find(*mine);
+        *mine = own;
+        if own != theirs {
+            let (kept, given_up) = self.labels.join(own, theirs);
+            self.durations.join(self.alive, kept, given_up, self.paged);
+            *mine = kept;
         }
     }
+}
 
-    fn touch(&mut self, timestep: usize, pixels: std::ops::Range<usize>) {
-        let day_after = self.calendar.day[timestep].saturating_add(1);
-        let weight_h = self.calendar.weight_h[timestep];
-        for pixel in pixels {
-            if self.day_after[pixel] != day_after {
-                self.day_after[pixel] = day_after;
-                self.today[pixel] = 0;
-                self.days[pixel] += 1;
-            }
-            self.today[pixel] += 1;
-            self.longest_day[pixel] = self.longest_day[pixel].max(self.today[pixel]);
-            self.hours[pixel] += weight_h;
-        }
-    }
+/// The rows of sorted runs: row, first run, one past the last.
+fn rows_of(runs: &[Run]) -> impl Iterator<Item = (usize, usize, usize)> {
+    let mut start = 0;
+    runs.chunk_by(|a, b| a.row == b.row).map(move |row| {
+        let first = start;
+        start += row.len();
+        (row[0].row as usize, first, start)
+    })
 }

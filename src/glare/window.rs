@@ -10,19 +10,18 @@ use crate::base::limits::TILE_EDGE;
 
 /// Columns that share one note on whether they hold anything but 0.
 pub(super) const GROUP: usize = 64;
-/// Voxels that a thread looks at before another may help.
-const VOXELS_PER_TASK: usize = 1 << 16;
 /// Tiles that share such a note.
 const TILES_PER_GROUP: usize = GROUP / TILE_EDGE;
 const _: () = assert!(GROUP.is_multiple_of(TILE_EDGE));
 
-/// Some slices that were read together.
+/// A row of tiles at the timesteps that are read together.
 #[derive(Debug, Default)]
 pub(super) struct Block {
-    first: usize,
-    slices: usize,
+    timesteps: Range<usize>,
+    rows: Range<usize>,
+    /// `[slice, row, column]`; room for as many slices as were ever read.
     data: Vec<f32>,
-    /// For each row and group of columns: whether anything there isn't +0.
+    /// For each slice, row and group of columns: whether anything there isn't +0.
     occupied: Vec<bool>,
     /// For each slice and tile: whether the volume may hold anything but +0 there.
     lit: Vec<bool>,
@@ -31,61 +30,58 @@ pub(super) struct Block {
 }
 
 impl Block {
-    /// Reads the slices of `range` into a block that is no longer needed.
+    /// Reads rows of tiles into a block that is no longer needed and had as many rows.
     pub fn read(
         mut self,
         volume: &dyn Slices,
-        range: Range<usize>,
+        timesteps: Range<usize>,
+        rows: Range<usize>,
         allow_nonfinite: bool,
     ) -> Result<Self, Error> {
-        let [_, rows, columns] = volume.shape();
-        let groups = columns.div_ceil(GROUP);
-        self.first = range.start;
-        self.slices = range.len();
-        let (across, down) = (columns.div_ceil(TILE_EDGE), rows.div_ceil(TILE_EDGE));
-        let room = self.slices * rows * columns;
+        let [_, _, columns] = volume.shape();
+        let (groups, across) = (columns.div_ceil(GROUP), columns.div_ceil(TILE_EDGE));
+        let lines = timesteps.len() * rows.len();
+        let (room, tiles) = (lines * columns, timesteps.len() * across);
         if self.data.is_empty() {
             // Zeroed memory that the system hands out takes no room until it is written.
             self.data = vec![0.0; room];
-            self.lit = vec![false; self.slices * down * across];
         }
-        // What is left from before is written over: clearing it first would touch it twice. The
-        // last block of a volume may be shorter, and no block follows it.
-        self.data.resize(room, 0.0);
-        self.lit.resize(self.slices * down * across, true);
-        self.occupied.resize(self.slices * rows * groups, false);
-        volume.read_lit(range, &mut self.data, &mut self.lit)?;
-        let lit = &self.lit;
-        let counts = self
-            .data
-            .par_chunks(columns)
-            .zip(self.occupied.par_chunks_mut(groups))
-            .enumerate()
-            .with_min_len((VOXELS_PER_TASK / columns).max(1))
-            .map(|(number, (row, occupied))| {
-                let (slice, tile_row) = (number / rows, number % rows / TILE_EDGE);
-                let lit = &lit[(slice * down + tile_row) * across..][..across];
-                look_at_row(row, lit, occupied)
+        // What is left from before is written over: clearing it first would touch it twice.
+        if self.data.len() < room {
+            self.data.resize(room, 0.0);
+        }
+        self.lit.resize(self.lit.len().max(tiles), false);
+        self.occupied.resize(self.occupied.len().max(lines * groups), false);
+        (self.timesteps, self.rows) = (timesteps, rows);
+        let (data, lit) = (&mut self.data[..room], &mut self.lit[..tiles]);
+        volume.read_lit(self.timesteps.clone(), self.rows.clone(), data, lit)?;
+        let tall = self.rows.len();
+        let occupied = self.occupied.chunks_exact_mut(groups);
+        let counts =
+            data.chunks_exact(columns).zip(occupied).enumerate().map(|(line, (row, o))| {
+                look_at_row(row, &lit[line / tall * across..][..across], o)
             });
         self.nonfinite = counts.sum();
         if self.nonfinite > 0 && !allow_nonfinite {
-            return Err(self.first_nonfinite(rows, columns));
+            return Err(self.first_nonfinite(columns));
         }
         Ok(self)
     }
 
-    fn first_nonfinite(&self, rows: usize, columns: usize) -> Error {
+    fn first_nonfinite(&self, columns: usize) -> Error {
         let at = self.data.iter().position(|v| !v.is_finite()).unwrap_or(0);
+        let tall = self.rows.len();
         Error::NonFinite {
-            timestep: self.first + at / (rows * columns),
-            row: at / columns % rows,
+            timestep: self.timesteps.start + at / (tall * columns),
+            row: self.rows.start + at / columns % tall,
             column: at % columns,
             value: self.data[at],
         }
     }
 
-    fn end(&self) -> usize {
-        self.first + self.slices
+    /// The number of a line of `[slice, row]`.
+    fn line(&self, timestep: usize, row: usize) -> usize {
+        (timestep - self.timesteps.start) * self.rows.len() + row - self.rows.start
     }
 }
 
@@ -116,56 +112,138 @@ fn look_at_row(row: &[f32], lit: &[bool], occupied: &mut [bool]) -> u64 {
     nonfinite
 }
 
-/// The slices that the filter can see.
+/// What the filter can see: it slides down the picture, and then on in time. Of the timesteps that
+/// were read last only some rows of tiles are there, of those before all rows, but no more
+/// timesteps than the filter reaches back.
 #[derive(Debug)]
 pub(super) struct Window {
-    blocks: VecDeque<Block>,
-    spare: Vec<Block>,
-    /// Slices of a block; blocks begin at multiples of it.
-    step: usize,
     pub rows: usize,
     pub columns: usize,
     /// Groups of columns in a row.
     pub groups: usize,
+    /// The first timestep of the blocks.
+    fresh: usize,
+    blocks: VecDeque<Block>,
+    spare: Vec<Block>,
+    /// The timesteps before: timestep `t` has the place `t % depth`.
+    past: Vec<Slice>,
+}
+
+/// All rows of one timestep.
+#[derive(Debug)]
+struct Slice {
+    data: Vec<f32>,
+    occupied: Vec<bool>,
+    lit: Vec<bool>,
 }
 
 impl Window {
-    pub fn new(rows: usize, columns: usize, step: usize) -> Self {
-        let groups = columns.div_ceil(GROUP);
-        Self { blocks: VecDeque::new(), spare: Vec::new(), step, rows, columns, groups }
+    /// A window that keeps `depth` timesteps before those that are read.
+    pub fn new(rows: usize, columns: usize, depth: usize) -> Self {
+        let (groups, across) = (columns.div_ceil(GROUP), columns.div_ceil(TILE_EDGE));
+        let slice = || Slice {
+            data: vec![0.0; rows * columns],
+            occupied: vec![false; rows * groups],
+            lit: vec![false; rows.div_ceil(TILE_EDGE) * across],
+        };
+        let past = (0..depth).map(|_| slice()).collect();
+        let (blocks, spare) = (VecDeque::new(), Vec::new());
+        Self { rows, columns, groups, fresh: 0, blocks, spare, past }
     }
 
-    /// Drops the blocks that end before `timestep`.
-    pub fn forget_before(&mut self, timestep: usize) {
-        while self.blocks.front().is_some_and(|block| block.end() <= timestep) {
-            self.spare.extend(self.blocks.pop_front());
+    /// The rows of tiles that are there end before this row.
+    pub fn end(&self) -> usize {
+        self.blocks.back().map_or(0, |block| block.rows.end)
+    }
+
+    /// Goes on in time: what follows is read from `timestep` on, from the top.
+    pub fn begin(&mut self, timestep: usize) {
+        self.retire(self.rows);
+        self.fresh = timestep;
+    }
+
+    /// Lets go of the rows of tiles that end at `row` or above; of what they hold the past keeps
+    /// what it needs.
+    pub fn retire(&mut self, row: usize) {
+        while let Some(block) = self.blocks.pop_front_if(|block| block.rows.end <= row) {
+            self.keep(&block);
+            self.spare.push(block);
         }
     }
 
-    /// A block to read into.
-    pub fn spare(&mut self) -> Block {
-        self.spare.pop().unwrap_or_default()
+    fn keep(&mut self, block: &Block) {
+        let (columns, groups, depth) = (self.columns, self.groups, self.past.len());
+        let across = columns.div_ceil(TILE_EDGE);
+        let (tall, first) = (block.rows.len(), block.timesteps.start);
+        let kept = block.timesteps.end.saturating_sub(depth).max(first)..block.timesteps.end;
+        self.past.par_iter_mut().enumerate().for_each(|(place, slice)| {
+            let Some(timestep) = kept.clone().find(|t| t % depth == place) else { return };
+            let line = block.line(timestep, block.rows.start);
+            let (row, count) = (block.rows.start, tall * groups);
+            slice.occupied[row * groups..][..count]
+                .copy_from_slice(&block.occupied[line * groups..][..count]);
+            let from = &block.data[line * columns..][..tall * columns];
+            let to = &mut slice.data[row * columns..][..tall * columns];
+            let lit = &block.lit[(timestep - first) * across..][..across];
+            let was_lit = &mut slice.lit[row / TILE_EDGE * across..][..across];
+            let same = |a: usize, b: usize| lit[a] == lit[b] && was_lit[a] == was_lit[b];
+            let mut tile = 0;
+            while tile < across {
+                let end = (tile + 1..across).find(|&t| !same(tile, t)).unwrap_or(across);
+                let within = tile * TILE_EDGE..(end * TILE_EDGE).min(columns);
+                if lit[tile] || was_lit[tile] {
+                    let lines = from.chunks_exact(columns).zip(to.chunks_exact_mut(columns));
+                    for (from, to) in lines {
+                        to[within.clone()].copy_from_slice(&from[within.clone()]);
+                    }
+                }
+                tile = end;
+            }
+            was_lit.copy_from_slice(lit);
+        });
     }
 
+    /// The rows of tiles that some rows consist of, with room to read each into.
+    pub fn rooms(&mut self, rows: Range<usize>) -> Vec<(Range<usize>, Block)> {
+        let cut = rows.clone().step_by(TILE_EDGE);
+        let mut room = |first: usize| {
+            let here = first..(first + TILE_EDGE).min(rows.end);
+            // What is left in it lies in its place only if it had as many rows.
+            let at = self.spare.iter().position(|block| block.rows.len() == here.len());
+            (here, at.map_or_else(Block::default, |at| self.spare.swap_remove(at)))
+        };
+        cut.map(&mut room).collect()
+    }
+
+    /// The next row of tiles.
     pub fn push(&mut self, block: Block) {
         self.blocks.push_back(block);
     }
 
-    fn block(&self, timestep: usize) -> (&Block, usize) {
-        let first = self.blocks.front().map_or(0, |block| block.first / self.step);
-        let block = &self.blocks[timestep / self.step - first];
-        (block, timestep - block.first)
+    fn block(&self, row: usize) -> &Block {
+        let first = self.blocks.front().map_or(0, |block| block.rows.start / TILE_EDGE);
+        &self.blocks[row / TILE_EDGE - first]
     }
 
-    /// One row of a slice that is in the window.
+    /// One row of a timestep.
     pub fn row(&self, timestep: usize, row: usize) -> &[f32] {
-        let (block, slice) = self.block(timestep);
-        &block.data[(slice * self.rows + row) * self.columns..][..self.columns]
+        let columns = self.columns;
+        if timestep < self.fresh {
+            let slice = &self.past[timestep % self.past.len()];
+            return &slice.data[row * columns..][..columns];
+        }
+        let block = self.block(row);
+        &block.data[block.line(timestep, row) * columns..][..columns]
     }
 
     /// For each group of columns of a row, whether anything there isn't +0.
     pub fn occupied(&self, timestep: usize, row: usize) -> &[bool] {
-        let (block, slice) = self.block(timestep);
-        &block.occupied[(slice * self.rows + row) * self.groups..][..self.groups]
+        let groups = self.groups;
+        if timestep < self.fresh {
+            let slice = &self.past[timestep % self.past.len()];
+            return &slice.occupied[row * groups..][..groups];
+        }
+        let block = self.block(row);
+        &block.occupied[block.line(timestep, row) * groups..][..groups]
     }
 }

@@ -20,7 +20,7 @@ const BILLIONTHS: f64 = 1e9;
 const SLACK_H: f64 = 1e-6;
 /// Timesteps in half an hour at most: more would be a step below a second.
 const MAX_HALF_HOUR: f64 = 1800.0;
-const TILE: usize = TILE_EDGE * TILE_EDGE;
+pub(super) const TILE: usize = TILE_EDGE * TILE_EDGE;
 
 /// What is known of each pixel over the year, from the volume as it is, without any filter: the
 /// measure that rules judge. A timestep counts where its irradiance lies strictly above the
@@ -101,10 +101,7 @@ pub fn year(
     progress: &dyn Progress,
 ) -> Result<bool, Error> {
     let (Some(axis), Some(tiles)) = (volume.axis(), volume.tiles()) else { return Ok(false) };
-    let threshold = threshold_w_m2 as f32;
-    if !(threshold_w_m2 >= 0.0 && threshold.is_finite()) {
-        return Err(Error::Threshold(threshold_w_m2));
-    }
+    let threshold = checked(threshold_w_m2)?;
     let clock = Clock::new(axis)?;
     let maps = YearMap::all(axis);
     let columns = volume.shape()[2];
@@ -139,8 +136,17 @@ pub fn year(
     Ok(true)
 }
 
+/// A threshold as it is compared.
+pub(super) fn checked(threshold_w_m2: f64) -> Result<f32, Error> {
+    let threshold = threshold_w_m2 as f32;
+    if threshold_w_m2 >= 0.0 && threshold.is_finite() {
+        return Ok(threshold);
+    }
+    Err(Error::Threshold(threshold_w_m2))
+}
+
 /// What a tile's pixels need to know of time.
-struct Clock<'a> {
+pub(super) struct Clock<'a> {
     axis: &'a TimeAxis,
     /// Weight of each timestep, billionths of an hour.
     weight: Vec<u64>,
@@ -151,7 +157,7 @@ struct Clock<'a> {
 }
 
 impl<'a> Clock<'a> {
-    fn new(axis: &'a TimeAxis) -> Result<Self, Error> {
+    pub fn new(axis: &'a TimeAxis) -> Result<Self, Error> {
         let half_hour = (WORST_DAY_H / axis.step_h - SLACK_H).ceil().max(1.0);
         if !(axis.step_h > 0.0 && half_hour <= MAX_HALF_HOUR) {
             return Err(Error::Step(axis.step_h));
@@ -160,6 +166,10 @@ impl<'a> Clock<'a> {
         let weight = axis.weight_h.iter().map(|h| (h * BILLIONTHS).round() as u64).collect();
         let month = axis.day.iter().map(|day| month(axis.year, *day)).collect();
         Ok(Self { axis, weight, month, half_hour: half_hour as usize })
+    }
+
+    pub fn timesteps(&self) -> usize {
+        self.weight.len()
     }
 }
 
@@ -178,7 +188,7 @@ pub(super) fn month(year: i32, day: u32) -> u8 {
 }
 
 /// The pixels of one tile.
-struct Pixels<'a> {
+pub(super) struct Pixels<'a> {
     threshold: f32,
     clock: &'a Clock<'a>,
     pixels: Vec<Pixel>,
@@ -211,25 +221,32 @@ struct Pixel {
 }
 
 impl<'a> Pixels<'a> {
-    fn new(threshold: f32, clock: &'a Clock<'a>) -> Self {
+    pub fn new(threshold: f32, clock: &'a Clock<'a>) -> Self {
         Self { threshold, clock, pixels: vec![Pixel::default(); TILE] }
     }
 
     /// Adds `[timestep, 32, 32]` numbers. Timesteps that are left out are dark.
     fn add(&mut self, first: usize, numbers: &[f32]) {
         for (timestep, slice) in (first..).zip(numbers.chunks_exact(TILE)) {
-            for (pixel, &value) in self.pixels.iter_mut().zip(slice) {
-                if value > 0.0 {
-                    pixel.raise(timestep, value, self.clock);
-                    if value > self.threshold {
-                        pixel.dazzle(timestep, self.clock);
-                    }
-                }
+            for (place, &value) in slice.iter().enumerate() {
+                self.one(place, timestep, value);
             }
         }
     }
 
-    fn finish(mut self, maps: &[YearMap]) -> Vec<Vec<f32>> {
+    /// Adds a number; those of a pixel come in the order of time.
+    #[inline]
+    pub fn one(&mut self, place: usize, timestep: usize, value: f32) {
+        if value > 0.0 {
+            let pixel = &mut self.pixels[place];
+            pixel.raise(timestep, value, self.clock);
+            if value > self.threshold {
+                pixel.dazzle(timestep, self.clock);
+            }
+        }
+    }
+
+    pub fn finish(mut self, maps: &[YearMap]) -> Vec<Vec<f32>> {
         for pixel in &mut self.pixels {
             pixel.end_day(self.clock.half_hour);
         }

@@ -1,18 +1,15 @@
-//! One octree cell's photons in a file, before they are sorted: 46 bytes each, as they are.
+//! One octree cell's photons in a file, before they are sorted.
 
 use std::fs::File;
 use std::io::{self, Read};
 use std::path::{Path, PathBuf};
 
-use glam::Vec3;
 use glintmap_formats::checksum::crc32c_append;
 
 use super::Error;
 use super::morton::LEVELS;
-use crate::base::Photon;
+use super::packed::{Packed, RECORD_BYTES};
 
-/// Bytes of a photon in a bucket: all its fields, little endian.
-pub(super) const RECORD_BYTES: usize = 46;
 pub(super) const SUFFIX: &str = "photons";
 
 /// One file of photons: those of one octree cell, in the order in which they came.
@@ -74,7 +71,7 @@ impl Bucket {
     pub fn read(
         &self,
         dir: &Path,
-        mut each: impl FnMut(&Photon) -> Result<(), Error>,
+        mut each: impl FnMut(&Packed) -> Result<(), Error>,
     ) -> Result<(), Error> {
         let path = self.path(dir);
         let mut file = self.open(dir)?;
@@ -86,8 +83,8 @@ impl Bucket {
             file.read_exact(&mut piece[..n]).map_err(Error::io(&path, "reading photons"))?;
             left -= n as u64;
             sum = crc32c_append(sum, &piece[..n]);
-            for record in piece[..n].chunks_exact(RECORD_BYTES) {
-                each(&photon(record))?;
+            for record in piece[..n].as_chunks().0 {
+                each(&Packed::read(record))?;
             }
         }
         if sum != self.crc32c {
@@ -95,30 +92,5 @@ impl Bucket {
             return Err(self.damaged(dir, what));
         }
         Ok(())
-    }
-}
-
-pub(super) fn record(photon: &Photon, out: &mut Vec<u8>) {
-    for v in [photon.position, photon.normal, photon.direction] {
-        for component in v.to_array() {
-            out.extend_from_slice(&component.to_le_bytes());
-        }
-    }
-    out.extend_from_slice(&photon.flux_w.to_le_bytes());
-    out.extend_from_slice(&photon.timestep.to_le_bytes());
-    out.extend_from_slice(&photon.surface.to_le_bytes());
-}
-
-pub(super) fn photon(record: &[u8]) -> Photon {
-    let word = |at: usize| [record[at], record[at + 1], record[at + 2], record[at + 3]];
-    let float = |at| f32::from_le_bytes(word(at));
-    let vector = |at| Vec3::new(float(at), float(at + 4), float(at + 8));
-    Photon {
-        position: vector(0),
-        normal: vector(12),
-        direction: vector(24),
-        flux_w: float(36),
-        timestep: u32::from_le_bytes(word(40)),
-        surface: u16::from_le_bytes([record[44], record[45]]),
     }
 }

@@ -1,10 +1,11 @@
 //! From buckets of photons to the store: sort each within memory, cut into leaves, compress on all
 //! cores, write in order, once.
 
-use std::fs::{self, File, OpenOptions, TryLockError};
+use std::fs::{self, File, TryLockError};
 use std::io::{BufWriter, Seek, SeekFrom, Write};
 use std::ops::Range;
 use std::path::{Path, PathBuf};
+use std::time::Duration;
 
 use glintmap_formats::checksum::crc32c;
 use glintmap_formats::{gmp, header, seal};
@@ -13,16 +14,18 @@ use rayon::prelude::*;
 use super::Error;
 use super::bucket::Bucket;
 use super::facts::{About, Facts, Layout, Sums};
+use super::half_built::{self, Checkpoints};
 use super::morton::{Cube, LEVELS};
+use super::packed::Packed;
 use super::page;
 use super::parting::{Parting, SPLIT_LEVELS, SPLIT_PREFIX};
 use super::sort::{Merged, Sorted};
 use super::spill::{SpillSummary, discard};
 use super::tree::{Leaf, cut, nodes};
-use crate::base::{Photon, Progress};
+use crate::base::Progress;
 
-/// Memory that a photon takes while it is sorted, cut and compressed: 48 itself, 16 its key, the
-/// rest for its page in columns and in bytes.
+/// Memory that a photon takes while it is sorted, cut and compressed: 32 itself, 16 its key, the
+/// rest for its page in columns and in bytes, and what the allocator keeps of the batch before.
 const BYTES_PER_PHOTON: u64 = 96;
 /// Memory that doesn't depend on the batch: buffers of files, tables of buckets.
 const FIXED_BYTES: u64 = 6 << 20;
@@ -30,6 +33,8 @@ const FIXED_BYTES: u64 = 6 << 20;
 const THREAD_BYTES: u64 = 3 << 20;
 /// Bytes by which the header may grow when the counts are known.
 const HEADER_SLACK: usize = 1024;
+/// Building that a killed run loses at most, beside the batch that it was in.
+const CHECKPOINT_EVERY: Duration = Duration::from_secs(10);
 
 /// What a build made.
 #[derive(Clone, Debug, PartialEq, serde::Serialize)]
@@ -46,7 +51,8 @@ pub struct StoreSummary {
 
 /// Sorts the photons of a completed spill into the store `store`, which appears whole or not at
 /// all. The same photons give the same bytes, whatever the memory, the threads, and the order in
-/// which they came. The spill is left as it is; see [`discard`](super::discard).
+/// which they came. Killed or interrupted, the next build of the same goes on where this one was
+/// some seconds earlier. The spill is left as it is; see [`discard`](super::discard).
 ///
 /// # Errors
 /// [`Error::Unfinished`] for a spill that isn't complete, [`Error::Damaged`] for one that changed
@@ -61,9 +67,10 @@ pub fn build(
     let fixed_bytes = FIXED_BYTES + THREAD_BYTES * rayon::current_num_threads() as u64;
     let size = Size {
         page_photons: gmp::PAGE_PHOTONS_MAX,
-        batch_photons: (memory_bytes.saturating_sub(fixed_bytes) / 2 / BYTES_PER_PHOTON)
+        batch_photons: (memory_bytes.saturating_sub(fixed_bytes) / BYTES_PER_PHOTON)
             .clamp(4 * gmp::PAGE_PHOTONS_MAX as u64, 1 << 31),
         buffer_bytes: (memory_bytes / 16).clamp(1 << 16, 128 << 20) as usize,
+        checkpoint_every: CHECKPOINT_EVERY,
     };
     build_sized(spill_dir, store, about, size, progress)
 }
@@ -77,6 +84,8 @@ pub(super) struct Size {
     pub batch_photons: u64,
     /// Bytes to buffer where a bucket is parted again.
     pub buffer_bytes: usize,
+    /// Time between two notes of how far the build has come.
+    pub checkpoint_every: Duration,
 }
 
 pub(super) fn build_sized(
@@ -91,11 +100,11 @@ pub(super) fn build_sized(
     let out = open_alone(&growing)?;
     progress.begin("pages", spill.photons, "photons");
     let result = (|| {
-        let mut builder = Builder::new(out, &growing, about, spill.cube, size, progress)?;
+        let mut builder = Builder::new(out, &growing, about, spill_dir, &spill, size, progress)?;
         builder.cell(spill_dir, &spill.buckets, (0, 0))?;
         builder.finish(store)
     })();
-    if result.is_err() {
+    if result.as_ref().is_err_and(|e| !matches!(e, Error::Interrupted(_))) {
         // The error that matters is the first one; a leftover .tmp is overwritten next time.
         let _ = fs::remove_file(&growing);
     }
@@ -103,20 +112,13 @@ pub(super) fn build_sized(
     result
 }
 
-/// Opens the growing file, empty, unless another process does the same.
+/// Opens the growing file, unless another process does the same.
 fn open_alone(growing: &Path) -> Result<File, Error> {
-    let file = OpenOptions::new()
-        .create(true)
-        .truncate(false)
-        .read(true)
-        .write(true)
-        .open(growing)
-        .map_err(Error::io(growing, "creating"))?;
+    let file = half_built::open(growing)?;
     if matches!(file.try_lock(), Err(TryLockError::WouldBlock)) {
         return Err(Error::Busy { path: growing.to_owned() });
     }
-    // A file system without locks is no reason to stop; /dev/full can't be truncated either.
-    let _ = file.set_len(0);
+    // A file system without locks is no reason to stop.
     Ok(file)
 }
 
@@ -131,6 +133,9 @@ struct Builder<'a> {
     offset: u64,
     pages: Vec<gmp::PageEntry>,
     sums: Sums,
+    checkpoints: Checkpoints<'a>,
+    /// All photons up to this Morton code were in the pages when the build began.
+    done: Option<u64>,
 }
 
 /// Sorted photons, and which of their leaves to write.
@@ -155,32 +160,50 @@ struct Encoded {
 
 impl<'a> Builder<'a> {
     fn new(
-        out: File,
+        mut out: File,
         growing: &'a Path,
         about: &'a About,
-        cube: Cube,
+        spill_dir: &'a Path,
+        spill: &SpillSummary,
         size: Size,
         progress: &'a dyn Progress,
     ) -> Result<Self, Error> {
+        // The header's facts are known at the end, but it stands first: keep its place free.
+        let mut draft = Vec::new();
+        let nothing = Facts::new(about, &Sums::NONE, layout(spill.cube, size, 0, 0, &[], &[]));
+        let length = header::write(&mut draft, gmp::NAME, gmp::VERSION, &nothing)
+            .map_err(Error::io(growing, "writing the header"))?;
+        let reserved = (length + HEADER_SLACK).next_multiple_of(HEADER_SLACK);
+        let of = crc32c(&[draft, serde_json::to_vec(spill).unwrap_or_default()].concat());
+        let checkpoints = Checkpoints::new(spill_dir, of, size.checkpoint_every);
+        let resumed = checkpoints.resume(&mut out);
+        if resumed.is_none() {
+            checkpoints.forget();
+            // /dev/full can't be truncated.
+            let _ = out.set_len(0);
+        }
         let mut builder = Self {
             out: BufWriter::with_capacity(1 << 20, out),
             growing,
             about,
-            cube,
+            cube: spill.cube,
             size,
             progress,
-            reserved: 0,
+            reserved,
             offset: 0,
             pages: Vec::new(),
             sums: Sums::NONE,
+            checkpoints,
+            done: None,
         };
-        // The header's facts are known at the end, but it stands first: keep its place free.
-        let mut draft = Vec::new();
-        let length = header::write(&mut draft, gmp::NAME, gmp::VERSION, &builder.facts(&[], &[]))
-            .map_err(Error::io(growing, "writing the header"))?;
-        builder.reserved = (length + HEADER_SLACK).next_multiple_of(HEADER_SLACK);
-        let blank = vec![0; builder.reserved];
-        builder.put(&blank, "the header")?;
+        if let Some((half, pages)) = resumed {
+            builder.offset = pages.last().map_or(0, |p| p.offset + u64::from(p.length));
+            (builder.done, builder.sums, builder.pages) = (half.done, half.sums, pages);
+            progress.say(&format!("goes on after {} photons in pages", half.sums.photons));
+            progress.advance(half.sums.photons);
+        } else {
+            builder.put(&vec![0; reserved], "the header")?;
+        }
         Ok(builder)
     }
 
@@ -193,16 +216,19 @@ impl<'a> Builder<'a> {
     }
 
     fn facts(&self, nodes: &[gmp::Node], directory: &[u8]) -> Facts {
-        let layout = Layout {
-            cube: self.cube,
-            page_photons: self.size.page_photons as u32,
-            pages: self.pages.len() as u64,
-            nodes: nodes.len() as u64,
-            pages_bytes: self.offset,
-            directory_bytes: directory.len() as u64,
-            directory_crc32c: crc32c(directory),
-        };
+        let pages = self.pages.len() as u64;
+        let layout = layout(self.cube, self.size, pages, self.offset, nodes, directory);
         Facts::new(self.about, &self.sums, layout)
+    }
+
+    /// Notes how far it has come, if that is some time ago: all photons up to a Morton code are in
+    /// the pages.
+    fn checkpoint(&mut self, done: u64) -> Result<(), Error> {
+        if !self.checkpoints.due() {
+            return Ok(());
+        }
+        self.out.flush().map_err(Error::io(self.growing, "writing pages"))?;
+        self.checkpoints.write(self.out.get_mut(), done, &self.sums, &self.pages)
     }
 
     /// Writes all photons of a cell, whose buckets lie in `dir`.
@@ -223,6 +249,9 @@ impl<'a> Builder<'a> {
             let start = next;
             while buckets.get(next).is_some_and(|b| b.codes().1 <= leaf.last) {
                 next += 1;
+            }
+            if self.done.is_some_and(|done| leaf.last <= done) {
+                continue;
             }
             if batched + leaf.photons > self.size.batch_photons {
                 self.batch(dir, buckets, &std::mem::take(&mut batch))?;
@@ -286,6 +315,7 @@ impl<'a> Builder<'a> {
             .map(|u| Sorted::read(dir, &buckets[u.buckets.clone()], cube, |p| check(p, about)))
             .collect::<Result<_, _>>()?;
         let capacity = self.size.page_photons;
+        let written = self.done;
         let mut jobs = Vec::new();
         for (unit, sorted) in units.iter().zip(&sorted) {
             let mut leaves = Vec::new();
@@ -299,6 +329,9 @@ impl<'a> Builder<'a> {
             let mut start = 0;
             for leaf in leaves {
                 let end = start + leaf.photons as usize;
+                if written.is_some_and(|done| leaf.last <= done) {
+                    start = end;
+                }
                 while start < end {
                     let stop = end.min(start + capacity);
                     let photons = sorted.photons(start, stop);
@@ -307,13 +340,15 @@ impl<'a> Builder<'a> {
                 }
             }
         }
-        self.encode(jobs)
+        self.encode(jobs)?;
+        let done = units.last().map_or(0, |u| u.leaf.last);
+        self.checkpoint(done)
     }
 
     /// Compresses pages on all cores and writes them in order.
     fn encode<'p, I>(&mut self, jobs: Vec<Job<I>>) -> Result<(), Error>
     where
-        I: Iterator<Item = &'p Photon> + Send,
+        I: Iterator<Item = &'p Packed> + Send,
     {
         let encoded: Vec<Encoded> = jobs
             .into_par_iter()
@@ -323,7 +358,7 @@ impl<'a> Builder<'a> {
                     Err(_) => &mut gmp::Encoder::new()?,
                 };
                 // Side by side, because they are gone through several times.
-                let photons: Vec<Photon> = job.photons.copied().collect();
+                let photons: Vec<Packed> = job.photons.copied().collect();
                 let columns = page::columns(&photons);
                 let sums = page::sums(&columns, &photons);
                 let bytes = encoder.page(&columns)?;
@@ -372,6 +407,7 @@ impl<'a> Builder<'a> {
             .and_then(|()| self.out.flush())
             .and_then(|()| seal::seal(self.out.get_ref(), growing, store))
             .map_err(doing())?;
+        self.checkpoints.forget();
         Ok(StoreSummary {
             photons: self.sums.photons,
             pages,
@@ -381,7 +417,26 @@ impl<'a> Builder<'a> {
     }
 }
 
-fn check(photon: &Photon, about: &About) -> Result<(), Error> {
+fn layout(
+    cube: Cube,
+    size: Size,
+    pages: u64,
+    pages_bytes: u64,
+    nodes: &[gmp::Node],
+    directory: &[u8],
+) -> Layout {
+    Layout {
+        cube,
+        page_photons: size.page_photons as u32,
+        pages,
+        nodes: nodes.len() as u64,
+        pages_bytes,
+        directory_bytes: directory.len() as u64,
+        directory_crc32c: crc32c(directory),
+    }
+}
+
+fn check(photon: &Packed, about: &About) -> Result<(), Error> {
     if photon.timestep < about.timesteps && usize::from(photon.surface) < about.surfaces.len() {
         return Ok(());
     }

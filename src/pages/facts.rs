@@ -114,7 +114,8 @@ pub(super) struct Layout {
 }
 
 /// What the build adds up, page by page in their order.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, serde::Serialize, serde::Deserialize)]
+#[serde(deny_unknown_fields)]
 pub(super) struct Sums {
     pub photons: u64,
     pub flux_w: f64,

@@ -7,7 +7,6 @@ use std::path::Path;
 use glintmap_formats::seal;
 
 use super::Error;
-use super::bucket::RECORD_BYTES;
 use super::store::Store;
 use crate::base::Photon;
 
@@ -40,9 +39,10 @@ pub struct Share {
 }
 
 impl Store {
-    /// Bytes of a photon before it is quantised and compressed.
+    /// Bytes of a photon before it is quantised and compressed: three vectors, flux, timestep and
+    /// surface.
     pub fn raw_photon_bytes(&self) -> usize {
-        RECORD_BYTES
+        3 * 12 + 4 + 4 + 2
     }
 
     /// The tree, level by level.

@@ -65,6 +65,34 @@ impl Bytes {
             }
         }
     }
+
+    /// Says that some bytes were taken from the map and won't be looked at soon: they leave the
+    /// resident memory, so that this depends on the cache alone, not on the length of the store.
+    pub fn release(&self, offset: u64, length: usize) {
+        let Some(map) = &self.map else { return };
+        // The kernel maps what lies around a fault as well, in blocks of this size.
+        let around = |byte: usize| byte & !(AROUND - 1);
+        let start = around(offset as usize);
+        let end = around((offset as usize).saturating_add(length + AROUND - 1)).min(map.len());
+        if start < end {
+            release(map, start, end - start);
+        }
+    }
+}
+
+/// Bytes that the kernel maps at a fault, where they are in its cache: a power of two.
+const AROUND: usize = 1 << 16;
+
+/// Takes a range out of the resident memory; a hint, so that failure is none.
+#[expect(
+    unsafe_code,
+    reason = "the map is of a file, shared and read only: dropped pages come back as they were"
+)]
+fn release(map: &memmap2::Mmap, start: usize, length: usize) {
+    // SAFETY: MADV_DONTNEED makes private anonymous pages zero; this map is shared and of a sealed
+    // file, so that whoever looks again, in this thread or another, reads the same bytes.
+    let _ =
+        unsafe { map.unchecked_advise_range(memmap2::UncheckedAdvice::DontNeed, start, length) };
 }
 
 /// Maps a whole file, read only.

@@ -8,7 +8,8 @@ use glintmap_formats::gmp::{Columns, Flux};
 
 use super::facts::Sums;
 use super::morton::{deinterleave, interleave};
-use super::quantise::{flux, flux_code, octahedral, unit};
+use super::packed::Packed;
+use super::quantise::{flux, flux_code, unit};
 use crate::base::{Aabb, Photon};
 
 /// Photons whose box is kept: the unit in which a search looks at a page.
@@ -17,7 +18,7 @@ pub(super) const BLOCK: usize = 128;
 const STEPS: f32 = 65535.0;
 
 /// Quantises the photons of a page, given in their order in the octree.
-pub(super) fn columns(photons: &[Photon]) -> Columns {
+pub(super) fn columns(photons: &[Packed]) -> Columns {
     let bounds = Aabb::around(photons.iter().map(|p| p.position));
     let step = bounds.size().max_element() / STEPS;
     let integer = |v: f32| {
@@ -38,7 +39,7 @@ pub(super) fn columns(photons: &[Photon]) -> Columns {
     let sorted = || order.iter().map(|key| &photons[(key & 0x1FFF) as usize]);
 
     let mut table = Table::default();
-    let normal = sorted().map(|p| table.index(octahedral(p.normal))).collect();
+    let normal = sorted().map(|p| table.index(p.normal)).collect();
     let first = photons.first().map_or(0.0, |p| p.flux_w);
     let flux = if photons.iter().all(|p| p.flux_w == first) {
         Flux::Equal(first.abs().to_bits())
@@ -51,7 +52,7 @@ pub(super) fn columns(photons: &[Photon]) -> Columns {
         position: order.iter().map(|key| key >> 13).collect(),
         normal_table: table.normals,
         normal,
-        direction: sorted().map(|p| octahedral(p.direction)).collect(),
+        direction: sorted().map(|p| p.direction).collect(),
         flux,
         timestep: sorted().map(|p| p.timestep).collect(),
         surface: sorted().map(|p| p.surface).collect(),
@@ -91,7 +92,7 @@ fn positions(columns: &Columns) -> impl Iterator<Item = Vec3> {
 
 /// What a page adds to the sums of the store. Flux is what photons had before they were
 /// quantised.
-pub(super) fn sums(columns: &Columns, photons: &[Photon]) -> Sums {
+pub(super) fn sums(columns: &Columns, photons: &[Packed]) -> Sums {
     let mut sums = Sums::NONE;
     for photon in photons {
         let flux_w = f64::from(photon.flux_w);
@@ -128,10 +129,14 @@ fn lit_area(codes: &[u64], depth: u32, edge_m: f64) -> f64 {
 
 /// What a search hands on about a photon.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Light {
+pub struct Light {
+    /// Flux, W.
     pub flux_w: f32,
+    /// Cosine of incidence: its normal times its direction.
     pub cos: f32,
+    /// Index of its timestep.
     pub timestep: u32,
+    /// The PV surface that sent it.
     pub surface: u16,
 }
 

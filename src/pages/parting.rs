@@ -7,10 +7,11 @@ use std::path::{Path, PathBuf};
 use glintmap_formats::checksum::crc32c_append;
 
 use super::Error;
-use super::bucket::{Bucket, RECORD_BYTES, SUFFIX, record};
+use super::bucket::{Bucket, SUFFIX};
+use super::half_built::NAME as BUILDING;
 use super::morton::{Cube, LEVELS};
+use super::packed::{Packed, RECORD_BYTES};
 use super::spill::{CHECKPOINT, SUMMARY};
-use crate::base::Photon;
 
 /// Levels of the octree by which photons are parted at once: 4,096 buckets.
 pub(super) const SPLIT_LEVELS: u32 = 4;
@@ -61,12 +62,12 @@ impl Parting {
         Self { dir, cube, level, buckets, buffered: 0, buffer_bytes, photons: 0, expected }
     }
 
-    pub fn push(&mut self, photon: &Photon) -> Result<(), Error> {
+    pub fn push(&mut self, photon: &Packed) -> Result<(), Error> {
         let cell = self.cube.code(photon.position) >> (3 * (LEVELS - self.level));
         // Photons of other cells aren't given; the mask keeps the index in range all the same.
         let last = self.buckets.len() - 1;
         let (buffer, bucket) = &mut self.buckets[cell as usize & last];
-        record(photon, buffer);
+        photon.write(buffer);
         bucket.photons += 1;
         self.photons += 1;
         self.buffered += RECORD_BYTES;
@@ -120,8 +121,8 @@ pub(super) fn remove_files(dir: &Path) -> Result<(), Error> {
             fs::remove_dir_all(&path).map_err(Error::io(&path, doing))?;
             continue;
         }
-        let ours =
-            path.extension().is_some_and(|e| e == SUFFIX) || name == SUMMARY || name == CHECKPOINT;
+        let ours = path.extension().is_some_and(|e| e == SUFFIX)
+            || [SUMMARY, CHECKPOINT, BUILDING].contains(&name);
         if ours {
             fs::remove_file(&path).map_err(Error::io(&path, doing))?;
         }

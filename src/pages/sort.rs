@@ -10,13 +10,13 @@ use std::path::{Path, PathBuf};
 use rayon::prelude::*;
 
 use super::Error;
-use super::bucket::{Bucket, RECORD_BYTES, photon, record};
+use super::bucket::Bucket;
 use super::morton::Cube;
-use crate::base::Photon;
+use super::packed::{Packed, RECORD_BYTES};
 
 /// Photons of some neighbouring buckets, sorted.
 pub(super) struct Sorted {
-    photons: Vec<Photon>,
+    photons: Vec<Packed>,
     keys: Vec<(u64, u32)>,
 }
 
@@ -26,7 +26,7 @@ impl Sorted {
         dir: &Path,
         buckets: &[Bucket],
         cube: &Cube,
-        check: impl Fn(&Photon) -> Result<(), Error>,
+        check: impl Fn(&Packed) -> Result<(), Error>,
     ) -> Result<Self, Error> {
         let mut photons = Vec::new();
         for bucket in buckets {
@@ -54,26 +54,21 @@ impl Sorted {
     }
 
     /// Photons `start..end` in order.
-    pub fn photons(&self, start: usize, end: usize) -> impl Iterator<Item = &Photon> {
+    pub fn photons(&self, start: usize, end: usize) -> impl Iterator<Item = &Packed> {
         self.keys[start..end].iter().map(|k| &self.photons[k.1 as usize])
     }
 }
 
 /// The order of photons in one cell. Position first: where millions lie in a cell that can't be
 /// cut further, their pages are slabs that a search can tell apart.
-pub(super) fn content(a: &Photon, b: &Photon) -> Ordering {
-    let vectors = |p: &Photon| [p.normal, p.direction].map(|v| v.to_array());
-    let floats = |a: [f32; 3], b: [f32; 3]| {
-        a.iter().zip(&b).map(|(x, y)| x.total_cmp(y)).find(|o| o.is_ne()).unwrap_or(Ordering::Equal)
-    };
-    floats(a.position.to_array(), b.position.to_array())
+pub(super) fn content(a: &Packed, b: &Packed) -> Ordering {
+    let (at, other) = (a.position.to_array(), b.position.to_array());
+    let axes = at.iter().zip(&other).map(|(x, y)| x.total_cmp(y));
+    axes.fold(Ordering::Equal, Ordering::then)
         .then_with(|| a.timestep.cmp(&b.timestep))
         .then_with(|| a.surface.cmp(&b.surface))
         .then_with(|| a.flux_w.total_cmp(&b.flux_w))
-        .then_with(|| {
-            let (a, b) = (vectors(a), vectors(b));
-            floats(a[0], b[0]).then_with(|| floats(a[1], b[1]))
-        })
+        .then_with(|| (a.normal, a.direction).cmp(&(b.normal, b.direction)))
 }
 
 /// Photons of one cell that are too many for memory and can't be parted by place any more:
@@ -86,7 +81,7 @@ pub(super) struct Merged {
 }
 
 struct Head {
-    photon: Photon,
+    photon: Packed,
     run: usize,
 }
 
@@ -123,12 +118,12 @@ impl Merged {
         bucket: &Bucket,
         dir: &Path,
         limit: usize,
-        check: impl Fn(&Photon) -> Result<(), Error>,
+        check: impl Fn(&Packed) -> Result<(), Error>,
     ) -> Result<Self, Error> {
         fs::create_dir_all(dir).map_err(Error::io(dir, "making the folder"))?;
         let mut run = Vec::new();
         let mut runs = Vec::new();
-        let mut spill = |run: &mut Vec<Photon>| -> Result<(), Error> {
+        let mut spill = |run: &mut Vec<Packed>| -> Result<(), Error> {
             run.par_sort_unstable_by(content);
             let path = dir.join(format!("run-{}", runs.len()));
             let doing =
@@ -138,7 +133,7 @@ impl Merged {
                 let mut bytes = Vec::with_capacity(RECORD_BYTES);
                 for photon in run.iter() {
                     bytes.clear();
-                    record(photon, &mut bytes);
+                    photon.write(&mut bytes);
                     out.write_all(&bytes)?;
                 }
                 out.flush()?;
@@ -165,7 +160,7 @@ impl Merged {
     }
 
     /// The next photons in order, at most `count`; none at the end.
-    pub fn take(&mut self, count: usize) -> Result<Vec<Photon>, Error> {
+    pub fn take(&mut self, count: usize) -> Result<Vec<Packed>, Error> {
         let mut out = Vec::with_capacity(self.left.min(count as u64) as usize);
         while out.len() < count {
             let Some(Reverse(head)) = self.heads.pop() else { break };
@@ -185,13 +180,13 @@ impl Merged {
 }
 
 impl Run {
-    fn next(&mut self) -> Result<Option<Photon>, Error> {
+    fn next(&mut self) -> Result<Option<Packed>, Error> {
         if self.left == 0 {
             return Ok(None);
         }
         let mut bytes = [0; RECORD_BYTES];
         self.file.read_exact(&mut bytes).map_err(Error::io(&self.path, "reading photons back"))?;
         self.left -= 1;
-        Ok(Some(photon(&bytes)))
+        Ok(Some(Packed::read(&bytes)))
     }
 }

@@ -7,8 +7,9 @@ use std::path::{Path, PathBuf};
 use glintmap_formats::seal;
 
 use super::Error;
-use super::bucket::{Bucket, RECORD_BYTES};
+use super::bucket::Bucket;
 use super::morton::Cube;
+use super::packed::{Packed, RECORD_BYTES};
 use super::parting::{Parting, SPLIT_LEVELS, remove_files};
 use crate::base::{Aabb, Photon, PhotonSink, Progress, SinkError};
 
@@ -16,7 +17,7 @@ use crate::base::{Aabb, Photon, PhotonSink, Progress, SinkError};
 pub(super) const SUMMARY: &str = "spill.json";
 /// The file that says how far a spill that isn't complete can be trusted.
 pub(super) const CHECKPOINT: &str = "checkpoint.json";
-const VERSION: u32 = 1;
+const VERSION: u32 = 2;
 const SUMMARY_BYTES_MAX: u64 = 64 << 20;
 
 /// What a completed spill holds.
@@ -40,7 +41,7 @@ struct Checkpoint {
 }
 
 /// Collects photons on disk until [`build`](super::build) sorts them. Memory stays within the
-/// budget however many come; records are exact.
+/// budget however many come. Unit vectors are rounded as the store does, all else is exact.
 ///
 /// What a checkpoint or the summary vouches for is on the disk before either is written, so that a
 /// power failure takes no more than a killed process loses. Checksums notice it where a disk lied.
@@ -172,7 +173,7 @@ impl PhotonSink for Spill {
                 let what = format!("a photon that can't be: {photon:?}");
                 return Err(io::Error::new(io::ErrorKind::InvalidData, what).into());
             }
-            self.parting.push(photon)?;
+            self.parting.push(&Packed::of(photon))?;
         }
         Ok(())
     }

@@ -18,7 +18,7 @@ use super::Error;
 use super::cache::{Cache, CacheStats};
 use super::facts::{Facts, StoreInfo, max_radius_m};
 use super::mapped::{Access, Bytes};
-use super::page::{BLOCK, Page, meets};
+use super::page::{BLOCK, Light, Page, meets};
 use super::query::ALWAYS;
 use super::tree::{node_box, page_box};
 use crate::base::{Aabb, Photon, limits};
@@ -47,6 +47,11 @@ pub struct Store {
     cache: Cache,
     /// First and last timestep of each page that was read so far, in two halves; of others any.
     steps: Vec<AtomicU64>,
+}
+
+/// Whether two boxes have no point in common.
+fn apart(a: Aabb, b: Aabb) -> bool {
+    a.min.cmpgt(b.max).any() || a.max.cmplt(b.min).any()
 }
 
 impl Store {
@@ -154,11 +159,34 @@ impl Store {
         timesteps: Range<u32>,
         mut each: impl FnMut(u64, &Photon),
     ) -> Result<(), Error> {
-        let apart = |b: Aabb| b.min.cmpgt(region.max).any() || b.max.cmplt(region.min).any();
+        self.pages_in_box(region, timesteps.clone(), |first, page| {
+            for (block, (&bounds, &steps)) in page.blocks.iter().zip(&page.steps).enumerate() {
+                if apart(bounds, region) || !meets(steps, &timesteps) {
+                    continue;
+                }
+                for i in block * BLOCK..page.photons.min((block + 1) * BLOCK) {
+                    let here = region.contains(Vec3::new(page.x[i], page.y[i], page.z[i]));
+                    if here && timesteps.contains(&page.light[i].timestep) {
+                        each(first + i as u64, &page.photon(i));
+                    }
+                }
+            }
+            true
+        })
+    }
+
+    /// Calls `each` with the pages that touch `region` and may hold `timesteps`, and the index of
+    /// their first photon, in store order, until it says false.
+    fn pages_in_box(
+        &self,
+        region: Aabb,
+        timesteps: Range<u32>,
+        mut each: impl FnMut(u64, &Page) -> bool,
+    ) -> Result<(), Error> {
         let mut stack = if self.nodes.is_empty() { vec![] } else { vec![0] };
         while let Some(number) = stack.pop() {
             let node = &self.nodes[number];
-            if apart(node_box(node)) {
+            if apart(node_box(node), region) {
                 continue;
             }
             let first = node.first_child as usize;
@@ -168,26 +196,66 @@ impl Store {
             }
             let first = node.first_page as usize;
             for number in first..first + node.pages as usize {
-                let out = apart(page_box(&self.pages[number]));
+                let out = apart(page_box(&self.pages[number]), region);
                 if out || !self.may_hold(number, &timesteps) {
                     continue;
                 }
                 let page = self.page(number)?;
-                let first = self.pages[number].first_photon;
-                for (block, (&bounds, &steps)) in page.blocks.iter().zip(&page.steps).enumerate() {
-                    if apart(bounds) || !meets(steps, &timesteps) {
-                        continue;
-                    }
-                    for i in block * BLOCK..page.photons.min((block + 1) * BLOCK) {
-                        let here = region.contains(Vec3::new(page.x[i], page.y[i], page.z[i]));
-                        if here && timesteps.contains(&page.light[i].timestep) {
-                            each(first + i as u64, &page.photon(i));
-                        }
-                    }
+                if !each(self.pages[number].first_photon, &page) {
+                    return Ok(());
                 }
             }
         }
         Ok(())
+    }
+
+    /// Calls `each` with index, position, normal and light of the photons in `region` (borders
+    /// included), in store order, until it says false: several times faster than whole photons.
+    ///
+    /// # Errors
+    /// [`Error::Damaged`] where a page doesn't hold what it promises.
+    pub fn lit_in_box(
+        &self,
+        region: Aabb,
+        mut each: impl FnMut(u64, Vec3, Vec3, &Light) -> bool,
+    ) -> Result<(), Error> {
+        self.pages_in_box(region, ALWAYS, |first, page| {
+            for (block, &bounds) in page.blocks.iter().enumerate() {
+                if apart(bounds, region) {
+                    continue;
+                }
+                for i in block * BLOCK..page.photons.min((block + 1) * BLOCK) {
+                    let place = Vec3::new(page.x[i], page.y[i], page.z[i]);
+                    let normal = page.normals[usize::from(page.normal[i])];
+                    let inside = region.contains(place);
+                    if inside && !each(first + i as u64, place, normal, &page.light[i]) {
+                        return false;
+                    }
+                }
+            }
+            true
+        })
+    }
+
+    /// How many photons lie in `region`, roughly: those of a block are taken for evenly spread
+    /// over its box. Stops counting somewhere above `most`.
+    ///
+    /// # Errors
+    /// [`Error::Damaged`] where a page doesn't hold what it promises.
+    pub fn about_in_box(&self, region: Aabb, most: f32) -> Result<f32, Error> {
+        let mut sum = 0.0;
+        self.pages_in_box(region, ALWAYS, |_, page| {
+            for &bounds in &page.blocks {
+                if apart(bounds, region) {
+                    continue;
+                }
+                let overlap = bounds.max.min(region.max) - bounds.min.max(region.min);
+                let share = (overlap.max(Vec3::ZERO) + 1e-6) / (bounds.size() + 1e-6);
+                sum += BLOCK as f32 * share.x * share.y * share.z;
+            }
+            sum <= most
+        })?;
+        Ok(sum)
     }
 
     /// Calls `each` with index and photon for all photons in store order. Goes past the cache.
@@ -249,6 +317,7 @@ impl Store {
             let what = format!("field `checksum`: the directory has {:08x}", entry.checksum);
             return Err(self.damaged(number, what));
         }
+        self.bytes.release(self.head + entry.offset, entry.length as usize);
         let page = Page::new(&columns);
         if page.photons != entry.photons as usize {
             let what = format!("{} photons, the directory has {}", page.photons, entry.photons);

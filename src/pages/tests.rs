@@ -1,10 +1,12 @@
 //! Spill, build, search: each held against a slow twin that knows no pages.
 
 mod caustics;
+mod killed;
 mod shared;
 mod timesteps;
 
 use std::path::{Path, PathBuf};
+use std::time::Duration;
 
 use glam::Vec3;
 
@@ -18,7 +20,12 @@ use crate::base::{
 };
 
 const BOUNDS: Aabb = Aabb { min: Vec3::new(-50.0, -40.0, 0.0), max: Vec3::new(50.0, 60.0, 30.0) };
-const PLAIN: Size = Size { page_photons: 8192, batch_photons: 1 << 20, buffer_bytes: 1 << 16 };
+const PLAIN: Size = Size {
+    page_photons: 8192,
+    batch_photons: 1 << 20,
+    buffer_bytes: 1 << 16,
+    checkpoint_every: Duration::from_secs(10),
+};
 
 fn about(timesteps: u32) -> About {
     About {
@@ -189,7 +196,7 @@ fn the_store_depends_on_the_photons_alone() {
             photons.reverse();
             photons.rotate_left(234);
             for (batch_photons, buffer_bytes) in [(40, 5000), (500, 50_000)] {
-                let size = Size { page_photons, batch_photons, buffer_bytes };
+                let size = Size { page_photons, batch_photons, buffer_bytes, ..PLAIN };
                 let built = Built::new(&photons, size);
                 assert!(built.bytes() == expected, "{shape:?} {size:?}");
                 let spill = std::fs::read_dir(built.spill()).expect("lists");

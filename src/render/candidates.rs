@@ -1,68 +1,32 @@
-//! Photons that neighbouring pixels share, and the k nearest among them.
+//! The candidates of neighbouring pixels, and the k nearest among them.
 //!
-//! All photons that any pixel of a group can need are loaded once. For pixels on one plane they
-//! are put into a grid of rows, so that the photons around a pixel are a few runs of memory; the
-//! k-th distance is selected among those, and is exact: the same as a search of its own gives.
+//! Pixels that lie close together have nearly the same photons. They are listed once, in lanes;
+//! each pixel measures all of them, sorts out the k-th among the few that lie about as far as the
+//! k-th of the pixel before, and says which photons came and went since. Sums are of integers, so
+//! adding and taking away leaves what a sum of its own would give.
 
 use glam::Vec3;
 
 use super::Estimator;
-use crate::base::Aabb;
-use crate::pages::{Neighbour, Neighbours};
+use super::loaded::{Accept, Light, Loaded};
 
-/// Rows of the grid within the reach of a pixel's search, one side.
-const ROWS: f32 = 6.0;
-/// Rows or columns of a grid at most.
-const MOST_ROWS: f32 = 512.0;
-
-/// What a sum needs to know about a photon.
-#[derive(Clone, Copy, Debug, Default)]
-pub(super) struct Light {
-    /// What it gives the surface, and what a plane that faces it: see [`super::fixed`].
-    pub surface: i64,
-    pub normal: i64,
-    /// Its index in the store.
-    pub index: u64,
-    pub timestep: u32,
-}
-
-/// A photon as it was loaded.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Loaded {
-    pub position: Vec3,
-    pub normal: Vec3,
-    pub light: Light,
-}
-
-/// The photons of one plane, by the cells of a grid, row by row.
-#[derive(Debug, Default)]
-pub(super) struct Candidates {
-    axes: [usize; 2],
-    low: [f32; 2],
-    per_m: f32,
-    size: [usize; 2],
-    start: Vec<u32>,
-    x: Vec<f32>,
-    y: Vec<f32>,
-    z: Vec<f32>,
-    normal: Vec<Vec3>,
-    light: Vec<Light>,
-    cells: Vec<(u32, u32)>,
-    near: Near,
-}
-
-/// Whether a photon, by place and normal, may count.
-pub(super) type Accept<'a> = dyn Fn(Vec3, Vec3) -> bool + 'a;
-
-/// Photons within the distance looked at.
-#[derive(Debug, Default)]
-struct Near {
-    distance2: Vec<f32>,
-    place: Vec<u32>,
-    used: usize,
-    scratch: Vec<u32>,
-    ties: Vec<u64>,
-}
+/// Candidates that are looked at together.
+const LANES: usize = 16;
+/// More than rounding moves a distance, relative.
+const SLACK: f32 = 1e-4;
+/// Standard deviations by which the k-th distance may differ from the one before, before it has to
+/// be looked for everywhere.
+const CHANCE: f32 = 2.5;
+/// What the bits of lanes are worth.
+const BIT: [u32; LANES] = {
+    let mut bit = [0; LANES];
+    let mut i = 0;
+    while i < LANES {
+        bit[i] = 1 << i;
+        i += 1;
+    }
+    bit
+};
 
 /// What bounds a pixel's photons: all that are nearer, and those at exactly this distance whose
 /// index is below the limit.
@@ -74,234 +38,276 @@ pub(super) struct Bound {
     pub full: bool,
 }
 
+/// How far away the k-th photon lay from the point before.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Last {
+    pub point: Vec3,
+    pub radius_m: f32,
+}
+
+/// What to look for around a point.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Wanted {
+    pub count: usize,
+    pub estimator: Estimator,
+    /// How far photons were loaded for it, m.
+    pub reach_m: f32,
+    /// Whether there are none beyond that count.
+    pub last_word: bool,
+}
+
+/// The answer to [`Wanted`].
+pub(super) enum Answer {
+    /// What bounds the photons.
+    Bound(Bound),
+    /// The k-th lies farther than the list goes.
+    ListMore,
+    /// The k-th lies farther than photons were loaded.
+    LoadMore,
+}
+
+/// How the photons of a pixel differ from those of the one before.
+pub(super) enum Change<'a> {
+    /// From the one before nothing is left: sums begin at 0.
+    Anew,
+    /// A photon that came, and the weight that the kernel gives it.
+    In(&'a Light, f64),
+    /// A photon that went.
+    Out(&'a Light),
+}
+
+/// The list of candidates.
+#[derive(Debug, Default)]
+pub(super) struct Candidates {
+    /// Coordinates, filled up to whole lanes with NaN, which is near nothing.
+    places: Vec<[[f32; LANES]; 3]>,
+    /// Which of the loaded they are, ascending.
+    who: Vec<u32>,
+    distance2: Vec<[f32; LANES]>,
+    /// Of each of `distance2`: how many surely win, how many may.
+    counts: Vec<[u8; 2]>,
+    selected: Vec<u64>,
+    /// Lanes in which a photon lies exactly at the bound.
+    ties: Vec<u32>,
+    /// Those inside of the disc of the pixel at work, and of the one before: one bit each.
+    inside: Vec<u16>,
+    before: Vec<u16>,
+    anew: bool,
+    centre: Vec3,
+    radius_m: f32,
+}
+
 impl Candidates {
-    /// Takes those of `loaded` that `accept` lets through. Rows are parted for pixels with this
-    /// normal; others are found as well.
-    pub fn fill(
+    /// Lists the photons within `radius_m` of a point.
+    pub fn list(
         &mut self,
-        loaded: &[Loaded],
-        normal: Vec3,
-        (region, reach_m): (Aabb, f32),
+        loaded: &Loaded,
+        centre: Vec3,
+        radius_m: f32,
         accept: Option<&Accept<'_>>,
     ) {
-        let n = normal.abs();
-        self.axes = if n.z >= n.x && n.z >= n.y {
-            [0, 1]
-        } else if n.x >= n.y {
-            [1, 2]
-        } else {
-            [0, 2]
-        };
-        let [a, b] = self.axes;
-        let size = region.size();
-        self.low = [region.min[a], region.min[b]];
-        self.per_m = (ROWS / reach_m).min(MOST_ROWS / size[a].max(size[b]).max(1e-6));
-        let count = |extent: f32| (extent * self.per_m) as usize + 1;
-        self.size = [count(size[a]), count(size[b])];
-        self.start.clear();
-        self.start.resize(self.size[0] * self.size[1] + 1, 0);
-        self.cells.clear();
-        for (i, photon) in loaded.iter().enumerate() {
-            if accept.is_none_or(|accept| accept(photon.position, photon.normal)) {
-                let cell =
-                    self.row(photon.position[b]) * self.size[0] + self.column(photon.position[a]);
-                self.cells.push((cell as u32, i as u32));
-                self.start[cell + 1] += 1;
+        (self.centre, self.radius_m) = (centre, radius_m);
+        let wide = radius_m * (1.0 + 2.0 * SLACK) + 1e-6;
+        loaded.within(centre, wide * wide, accept, &mut self.who);
+        let lanes = self.who.len().div_ceil(LANES);
+        self.places.clear();
+        self.places.resize(lanes, [[f32::NAN; LANES]; 3]);
+        for (who, places) in self.who.chunks(LANES).zip(&mut self.places) {
+            for (lane, &i) in who.iter().enumerate() {
+                let place = loaded.position(i as usize);
+                [places[0][lane], places[1][lane], places[2][lane]] = place.to_array();
             }
         }
-        for cell in 1..self.start.len() {
-            self.start[cell] += self.start[cell - 1];
-        }
-        let total = self.cells.len();
-        for axis in [&mut self.x, &mut self.y, &mut self.z] {
-            axis.resize(total, 0.0);
-        }
-        self.light.resize(total, Light::default());
-        self.normal.resize(total, Vec3::ZERO);
-        for &(cell, i) in &self.cells {
-            let at = self.start[cell as usize] as usize;
-            self.start[cell as usize] += 1;
-            let photon = &loaded[i as usize];
-            (self.x[at], self.y[at], self.z[at]) = photon.position.into();
-            self.light[at] = photon.light;
-            self.normal[at] = photon.normal;
-        }
-        // Every start became the next cell's: back by one.
-        self.start.rotate_right(1);
-        self.start[0] = 0;
+        self.distance2.resize(lanes, [0.0; LANES]);
+        self.counts.resize(lanes, [0; 2]);
+        self.inside.resize(lanes, 0);
+        self.before.clear();
+        self.before.resize(lanes, 0);
+        self.anew = true;
     }
 
-    // Coordinate to cell rises with the coordinate, rounding included; `as` saturates.
-    fn column(&self, value: f32) -> usize {
-        (((value - self.low[0]) * self.per_m) as usize).min(self.size[0] - 1)
-    }
-
-    fn row(&self, value: f32) -> usize {
-        (((value - self.low[1]) * self.per_m) as usize).min(self.size[1] - 1)
-    }
-
-    /// Lists the photons within `reach_m` of `point` that `accept` lets through.
-    fn look(&mut self, point: Vec3, reach_m: f32, accept: Option<&Accept<'_>>) {
-        let [a, b] = self.axes;
-        let most = reach_m * reach_m;
-        // Wider than the reach by more than rounding: the exact distances decide.
-        let wide = reach_m * 1.0001 + 1e-5;
-        let (p, q) = (point[a], point[b]);
-        self.near.used = 0;
-        let cell_m = 1.0 / self.per_m;
-        for row in self.row(q - wide)..=self.row(q + wide) {
-            let low = self.low[1] + row as f32 * cell_m;
-            let gap = (low - q).max(q - (low + cell_m)).max(0.0) - 1e-4 * cell_m;
-            let gap = gap.max(0.0);
-            let half = (wide * wide - gap * gap).max(0.0).sqrt();
-            let line = row * self.size[0];
-            let from = self.start[line + self.column(p - half)] as usize;
-            let to = self.start[line + self.column(p + half) + 1] as usize;
-            let (x, y, z) = (&self.x[from..to], &self.y[from..to], &self.z[from..to]);
-            self.near.add(point, (x, y, z), from, most);
-        }
-        let Some(accept) = accept else { return };
-        let near = &mut self.near;
-        let mut kept = 0;
-        for i in 0..near.used {
-            let (d, place) = (near.distance2[i], near.place[i]);
-            let at = place as usize;
-            let position = Vec3::new(self.x[at], self.y[at], self.z[at]);
-            (near.distance2[kept], near.place[kept]) = (d, place);
-            kept += usize::from(accept(position, self.normal[at]));
-        }
-        near.used = kept;
-    }
-
-    /// Finds what bounds the `count` nearest photons of `point`, looking as far as `guess_m` first
-    /// and up to `reach_m`; `None` where there are fewer and `reach_m` isn't the last word.
+    /// Finds what bounds the k nearest photons of `point`, exactly.
     pub fn bound(
         &mut self,
+        loaded: &Loaded,
+        point: Vec3,
+        wanted: &Wanted,
+        last: Option<Last>,
+    ) -> Answer {
+        // All photons this near to the point are listed.
+        let sure_m = self.radius_m - self.centre.distance(point);
+        let all = sure_m >= wanted.reach_m;
+        let most_m = sure_m.min(wanted.reach_m).max(0.0);
+        let most = most_m * most_m;
+        let likely = last.map(|last| {
+            let step_m = last.point.distance(point);
+            // Photons that come and go in two discs this far apart are a chance in
+            // 4 step k / (pi r); each moves the k-th by r / 2k.
+            let share = step_m / (std::f32::consts::PI * last.radius_m * wanted.count as f32);
+            let chance_m = CHANCE * last.radius_m * share.sqrt();
+            let step_m = step_m.min(chance_m) + SLACK * last.radius_m;
+            let (least, most_m) = ((last.radius_m - step_m).max(0.0), last.radius_m + step_m);
+            (least * least, most.min(most_m * most_m))
+        });
+        let kth = likely
+            .filter(|(least, most)| least <= most)
+            .and_then(|bounds| self.select(loaded, point, wanted.count, bounds))
+            .or_else(|| self.select(loaded, point, wanted.count, (0.0, most)));
+        match kth {
+            Some((distance2_m2, index)) => {
+                let index = index + wanted.estimator.keeps_last();
+                Answer::Bound(Bound { distance2_m2, index, full: true })
+            }
+            None if !all => Answer::ListMore,
+            None if wanted.last_word => {
+                Answer::Bound(Bound { distance2_m2: most, index: u64::MAX, full: false })
+            }
+            None => Answer::LoadMore,
+        }
+    }
+
+    /// Whether all photons within a bound are listed.
+    pub fn holds(&self, point: Vec3, bound: Bound) -> bool {
+        bound.distance2_m2.sqrt() <= self.radius_m - self.centre.distance(point)
+    }
+
+    /// Measures how far the listed photons are from a point.
+    pub fn look(&mut self, point: Vec3) {
+        let Self { places, distance2, counts, .. } = self;
+        pulp::Arch::new().dispatch(|| measure(places, point, (0.0, 0.0), distance2, counts));
+    }
+
+    /// The k-th distance, and the store index of the k-th photon: of several at that distance
+    /// those of the lowest index count. `None` where it isn't within bounds.
+    fn select(
+        &mut self,
+        loaded: &Loaded,
         point: Vec3,
         count: usize,
-        estimator: Estimator,
-        (guess_m, reach_m, last_word): (f32, f32, bool),
-        accept: Option<&Accept<'_>>,
-    ) -> Option<Bound> {
-        let mut guess_m = guess_m.min(reach_m);
-        loop {
-            self.look(point, guess_m, accept);
-            if self.near.used >= count {
-                return Some(self.near.nearest(count, estimator, &self.light));
+        (least, most): (f32, f32),
+    ) -> Option<(f32, u64)> {
+        let Self { places, distance2, counts, selected, .. } = self;
+        pulp::Arch::new().dispatch(|| measure(places, point, (least, most), distance2, counts));
+        let below: usize = counts.iter().map(|c| usize::from(c[0])).sum();
+        let within: usize = counts.iter().map(|c| usize::from(c[1])).sum();
+        let wanted = count.checked_sub(below).filter(|n| (1..=within - below).contains(n))?;
+        let mut kept = 0;
+        for (group, (distance2, counts)) in distance2.iter().zip(counts.iter()).enumerate() {
+            if counts[0] == counts[1] {
+                continue;
             }
-            if guess_m >= reach_m {
-                let all = Bound { distance2_m2: reach_m * reach_m, index: u64::MAX, full: false };
-                return last_word.then_some(all);
+            if selected.len() < kept + LANES {
+                selected.resize(2 * kept + LANES, 0);
             }
-            guess_m = (guess_m * 1.3).max(1e-4).min(reach_m);
+            let room = &mut selected[kept..kept + LANES];
+            let mut n = 0;
+            for (lane, &d) in distance2.iter().enumerate() {
+                // For floats that aren't negative the bits are in the same order; of several at
+                // one distance the first in the list, which is the store's order, comes first.
+                let at = (group * LANES + lane) as u64;
+                room[n % LANES] = u64::from(d.to_bits()) << 32 | at;
+                n += usize::from(d >= least && d <= most);
+            }
+            kept += n;
+        }
+        let (_, &mut kth, _) = selected[..kept].select_nth_unstable(wanted - 1);
+        let index = loaded.light(self.who[kth as u32 as usize]).index;
+        Some((f32::from_bits((kth >> 32) as u32), index))
+    }
+
+    /// Calls `each` with what changed since the pixel before. Distances are those that were
+    /// measured last.
+    pub fn changes(&mut self, loaded: &Loaded, bound: Bound, mut each: impl FnMut(Change<'_>)) {
+        self.sort_out(loaded, bound);
+        if std::mem::take(&mut self.anew) {
+            each(Change::Anew);
+        }
+        let lanes = self.inside.iter().zip(&self.before).zip(self.who.chunks(LANES));
+        for ((&inside, &before), who) in lanes {
+            let mut changed = inside ^ before;
+            while changed != 0 {
+                let lane = changed.trailing_zeros();
+                changed &= changed - 1;
+                let light = loaded.light(who[lane as usize]);
+                if inside >> lane & 1 == 1 {
+                    each(Change::In(light, 1.0));
+                } else {
+                    each(Change::Out(light));
+                }
+            }
+        }
+        std::mem::swap(&mut self.inside, &mut self.before);
+    }
+
+    /// Calls `each` for all photons within the bound, with the square of their distance.
+    pub fn all(&mut self, loaded: &Loaded, bound: Bound, mut each: impl FnMut(&Light, f32)) {
+        self.sort_out(loaded, bound);
+        let lanes = self.inside.iter().zip(&self.distance2).zip(self.who.chunks(LANES));
+        for ((&inside, distance2), who) in lanes {
+            let mut left = inside;
+            while left != 0 {
+                let lane = left.trailing_zeros() as usize;
+                left &= left - 1;
+                each(loaded.light(who[lane]), distance2[lane]);
+            }
         }
     }
 
-    /// Lists what a search of the store's own found, and what bounds it. `light` turns a photon
-    /// into what is summed.
-    pub fn take(
-        &mut self,
-        found: &Neighbours,
-        estimator: Estimator,
-        max_radius_m: f32,
-        light: impl Fn(&Neighbour) -> Light,
-    ) -> Bound {
-        let items = found.items();
-        self.light.clear();
-        self.light.extend(items.iter().map(light));
-        let near = &mut self.near;
-        near.distance2.clear();
-        near.distance2.extend(items.iter().map(|n| n.distance2_m2));
-        near.place.clear();
-        near.place.extend(0..items.len() as u32);
-        near.used = items.len();
-        match found.farthest().filter(|_| found.full()) {
-            Some(last) => {
-                let Neighbour { distance2_m2, index, .. } = items[last];
-                Bound { distance2_m2, index: index + estimator.keeps_last(), full: true }
-            }
-            None => {
-                Bound { distance2_m2: max_radius_m * max_radius_m, index: u64::MAX, full: false }
-            }
-        }
-    }
-
-    /// Lists the photons for a bound that is known.
-    pub fn look_again(&mut self, point: Vec3, bound: Bound, accept: Option<&Accept<'_>>) {
-        // The square root is rounded; exact squares decide below.
-        self.look(point, bound.distance2_m2.sqrt() * 1.000_001, accept);
-    }
-
-    /// Calls `each` for the photons within the bound among those listed, with the square of their
-    /// distance.
-    pub fn within(&self, bound: Bound, mut each: impl FnMut(&Light, f32)) {
-        let near = &self.near;
-        for (&d, &place) in near.distance2[..near.used].iter().zip(&near.place[..near.used]) {
-            let light = &self.light[place as usize];
-            if d < bound.distance2_m2 || d == bound.distance2_m2 && light.index < bound.index {
-                each(light, d);
+    /// Finds those within a bound.
+    fn sort_out(&mut self, loaded: &Loaded, bound: Bound) {
+        let Self { distance2, inside, who, ties, .. } = self;
+        ties.clear();
+        pulp::Arch::new().dispatch(|| nearer(distance2, bound.distance2_m2, inside, ties));
+        for &group in &self.ties {
+            let from = group as usize * LANES;
+            for (lane, &i) in who[from..].iter().take(LANES).enumerate() {
+                let tie = distance2[group as usize][lane] == bound.distance2_m2;
+                let wins = tie && loaded.light(i).index < bound.index;
+                inside[group as usize] |= u16::from(wins) << lane;
             }
         }
     }
 }
 
-impl Near {
-    /// Adds the photons of a run that lie within `most`, without a branch that depends on them.
-    fn add(&mut self, point: Vec3, (x, y, z): (&[f32], &[f32], &[f32]), first: usize, most: f32) {
-        const LANES: usize = 32;
-        let needed = self.used + x.len() + LANES;
-        if self.distance2.len() < needed {
-            self.distance2.resize(2 * needed, 0.0);
-            self.place.resize(2 * needed, 0);
+/// Square distances, and of each [`LANES`] how many are less than `least`, and how many at most
+/// `most`.
+#[inline(always)]
+fn measure(
+    places: &[[[f32; LANES]; 3]],
+    point: Vec3,
+    (least, most): (f32, f32),
+    distance2: &mut [[f32; LANES]],
+    counts: &mut [[u8; 2]],
+) {
+    for ((places, distance2), counts) in places.iter().zip(distance2).zip(counts) {
+        let [x, y, z] = places;
+        for i in 0..LANES {
+            // As in the store's own search, operation by operation.
+            let (dx, dy, dz) = (x[i] - point.x, y[i] - point.y, z[i] - point.z);
+            distance2[i] = dx * dx + dy * dy + dz * dz;
         }
-        let mut used = self.used;
-        let mut near = [0f32; LANES];
-        let length = x.len();
-        let (y, z) = (&y[..length], &z[..length]);
-        for from in (0..length).step_by(LANES) {
-            let lanes = LANES.min(length - from);
-            let (x, y, z) =
-                (&x[from..from + lanes], &y[from..from + lanes], &z[from..from + lanes]);
-            for i in 0..lanes {
-                // As in the store's own search, operation by operation.
-                let (dx, dy, dz) = (x[i] - point.x, y[i] - point.y, z[i] - point.z);
-                near[i] = dx * dx + dy * dy + dz * dz;
-            }
-            let distance2 = &mut self.distance2[used..used + LANES];
-            let place = &mut self.place[used..used + LANES];
-            let mut kept = 0;
-            for (i, &d) in near[..lanes].iter().enumerate() {
-                distance2[kept] = d;
-                place[kept] = (first + from + i) as u32;
-                kept += usize::from(d <= most);
-            }
-            used += kept;
+        let (mut below, mut within) = (0u32, 0u32);
+        for &d in distance2.iter() {
+            // At most 16; an addition that may panic isn't vectorised.
+            below = below.wrapping_add(u32::from(d < least));
+            within = within.wrapping_add(u32::from(d <= most));
         }
-        self.used = used;
+        *counts = [below as u8, within as u8];
     }
+}
 
-    /// The bound of the `count` nearest; of several at the k-th distance those of the lowest index
-    /// count, and the highest of these is the k-th.
-    fn nearest(&mut self, count: usize, estimator: Estimator, light: &[Light]) -> Bound {
-        self.scratch.clear();
-        // For floats that aren't negative their bits are in order.
-        self.scratch.extend(self.distance2[..self.used].iter().map(|d| d.to_bits()));
-        let (before, &mut kth, after) = self.scratch.select_nth_unstable(count - 1);
-        let equal = |d: &&u32| **d == kth;
-        let ties_before = before.iter().filter(equal).count();
-        let alone = ties_before == 0 && !after.contains(&kth);
-        let distance2_m2 = f32::from_bits(kth);
-        self.ties.clear();
-        for (&d, &place) in self.distance2[..self.used].iter().zip(&self.place[..self.used]) {
-            if d == distance2_m2 {
-                self.ties.push(light[place as usize].index);
-                if alone {
-                    break;
-                }
-            }
+/// One bit for each square distance below `bound`; in which lanes any is equal to it.
+#[inline(always)]
+fn nearer(distance2: &[[f32; LANES]], bound: f32, inside: &mut [u16], ties: &mut Vec<u32>) {
+    for (group, (distance2, inside)) in distance2.iter().zip(inside).enumerate() {
+        let (mut bits, mut equal) = (0u32, 0u32);
+        for i in 0..LANES {
+            bits = bits.wrapping_add(if distance2[i] < bound { BIT[i] } else { 0 });
+            equal |= u32::from(distance2[i] == bound);
         }
-        self.ties.sort_unstable();
-        let last = self.ties[ties_before];
-        Bound { distance2_m2, index: last + estimator.keeps_last(), full: true }
+        *inside = bits as u16;
+        if equal != 0 {
+            ties.push(group as u32);
+        }
     }
 }

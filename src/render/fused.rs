@@ -25,28 +25,28 @@ pub struct Fused<'a> {
     tiles: Vec<(TileRect, Recorded)>,
     /// What is known of the series.
     pub series: Series,
-    /// Photons in the discs of all pixels, by timestep: no batch has more entries.
-    pub photons: Vec<u64>,
+    /// Numbers other than 0 in all pixels, by timestep.
+    pub entries: Vec<u64>,
 }
 
 /// What the tiles found, while they find it.
 struct Found {
     tiles: Vec<(usize, TileRect, Recorded)>,
     series: Series,
-    photons: Vec<u64>,
+    entries: Vec<u64>,
 }
 
 impl<'a> Fused<'a> {
-    /// Finds the discs of all pixels.
+    /// Finds the discs of all pixels. Each tile's whole year passes by meanwhile: a sink gets it.
     ///
     /// # Errors
-    /// [`Error::Settings`], [`Error::Pages`], [`Error::Interrupted`].
+    /// [`Error::Settings`], [`Error::Pages`], [`Error::Sink`], [`Error::Interrupted`].
     pub fn prepare(
         store: &'a Store,
         surfaces: Option<&'a Surfaces<'a>>,
         hits: &'a HitMap,
         settings: &Gather,
-        quantity: Quantity,
+        (quantity, whole): (Quantity, Option<&dyn TileSink>),
         progress: &dyn Progress,
     ) -> Result<Self, Error> {
         let shared = Shared::new(store, surfaces, settings)?;
@@ -62,7 +62,7 @@ impl<'a> Fused<'a> {
                 photon_w_m2: empty(),
                 radius_m: empty(),
             },
-            photons: vec![0; timesteps as usize],
+            entries: vec![0; timesteps as usize],
         });
         progress.begin("radius of each pixel", (hits.columns * hits.rows) as u64, "pixels");
         let integers = |beam: Beam| Some(fluxes.integers_of(quantity, beam));
@@ -76,14 +76,10 @@ impl<'a> Fused<'a> {
                 let mut noise = Vec::new();
                 let spots = order.spots(tile);
                 let record = Some(&mut recorded);
-                let mut photons = vec![0u64; timesteps as usize];
-                shared.tile(&spots, scratch, &integers, record, |spot, disc, near| {
-                    let made = tile_series.pixel(spot.pixel, (disc, near), &fluxes, how);
-                    disc.each(near, |light, _| {
-                        if let Some(count) = photons.get_mut(light.timestep as usize) {
-                            *count += 1;
-                        }
-                    });
+                let mut entries = vec![0u64; timesteps as usize];
+                shared.tile(&spots, scratch, &integers, record, |spot, mut found| {
+                    let made = tile_series.pixel(spot.pixel, &mut found, &fluxes, how);
+                    let disc = &found.disc;
                     let index = order.index(tile, spot.pixel);
                     noise.push((index, made.photon_w_m2, disc.radius_m as f32));
                     summary.pixels += 1;
@@ -91,16 +87,22 @@ impl<'a> Fused<'a> {
                     summary.lit_timesteps += made.lit as u64;
                     summary.photons += made.photons;
                     summary.floored += u64::from(disc.floored);
-                    // The numbers themselves come batch by batch.
-                    tile_series.clear();
+                    if whole.is_none() {
+                        tile_series.count(&mut entries);
+                        tile_series.clear();
+                    }
                 })?;
+                if let Some(sink) = whole {
+                    tile_series.count(&mut entries);
+                    sink.put(tile, tile_series.sorted())?;
+                }
                 let mut all = found.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
                 all.series.summary.add(&summary);
                 for (index, photon_w_m2, radius_m) in noise {
                     all.series.photon_w_m2.data_mut()[index] = photon_w_m2;
                     all.series.radius_m.data_mut()[index] = radius_m;
                 }
-                for (sum, count) in all.photons.iter_mut().zip(photons) {
+                for (sum, count) in all.entries.iter_mut().zip(entries) {
                     *sum += count;
                 }
                 if !spots.is_empty() {
@@ -115,8 +117,8 @@ impl<'a> Fused<'a> {
         let mut found = found.into_inner().unwrap_or_else(std::sync::PoisonError::into_inner);
         found.tiles.sort_unstable_by_key(|(number, ..)| *number);
         let tiles = found.tiles.into_iter().map(|(_, tile, recorded)| (tile, recorded)).collect();
-        let (series, photons) = (found.series, found.photons);
-        Ok(Self { store, shared, fluxes, order, how, tiles, series, photons })
+        let (series, entries) = (found.series, found.entries);
+        Ok(Self { store, shared, fluxes, order, how, tiles, series, entries })
     }
 
     /// Renders some timesteps of all tiles. Tiles without receiving surfaces are left out.
@@ -140,8 +142,8 @@ impl<'a> Fused<'a> {
                 progress.check()?;
                 tile_series.clear();
                 let spots = self.order.spots(*tile);
-                self.shared.again(&spots, scratch, &integers, recorded, |spot, disc, near| {
-                    tile_series.pixel(spot.pixel, (disc, near), &self.fluxes, self.how);
+                self.shared.again(&spots, scratch, &integers, recorded, |spot, mut found| {
+                    tile_series.pixel(spot.pixel, &mut found, &self.fluxes, self.how);
                 })?;
                 sink.put(*tile, tile_series.sorted())?;
                 Ok::<(), Error>(())

@@ -2,6 +2,7 @@ use std::sync::Mutex;
 
 use rayon::prelude::*;
 
+use super::candidates::Change;
 use super::estimate::{Kernel, MIN_COS};
 use super::fixed::{MOST_PHOTONS, Scale, square};
 use super::order::Order;
@@ -243,14 +244,23 @@ pub fn annual(
         |(scratch, values), &tile| {
             progress.check()?;
             values.clear();
-            shared.tile(&order.spots(tile), scratch, &integers, None, |spot, disc, near| {
-                let (mut surface, mut normal, mut squares) = (0i64, 0i64, 0i64);
-                disc.each(near, |light, kernel| {
-                    let own = weighed(light.surface, kernel);
-                    surface = surface.wrapping_add(own);
-                    normal = normal.wrapping_add(weighed(light.normal, kernel));
-                    squares = squares.wrapping_add(square(own));
+            let (mut surface, mut normal, mut squares) = (0i64, 0i64, 0i64);
+            shared.tile(&order.spots(tile), scratch, &integers, None, |spot, mut found| {
+                found.changes(|change| match change {
+                    Change::Anew => (surface, normal, squares) = (0, 0, 0),
+                    Change::In(light, kernel) => {
+                        let own = weighed(light.surface, kernel);
+                        surface = surface.wrapping_add(own);
+                        normal = normal.wrapping_add(weighed(light.normal, kernel));
+                        squares = squares.wrapping_add(square(own));
+                    }
+                    Change::Out(light) => {
+                        surface = surface.wrapping_sub(light.surface);
+                        normal = normal.wrapping_sub(light.normal);
+                        squares = squares.wrapping_sub(square(light.surface));
+                    }
                 });
+                let disc = &found.disc;
                 values.push(Value {
                     index: order.index(tile, spot.pixel),
                     surface: (fluxes.surface.value(surface) / disc.area_m2) as f32,

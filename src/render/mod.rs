@@ -20,6 +20,7 @@ mod fixed;
 mod fused;
 mod gather;
 mod hits;
+mod loaded;
 mod mirror;
 pub mod moment;
 mod order;

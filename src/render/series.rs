@@ -3,11 +3,12 @@ use std::sync::Mutex;
 
 use rayon::prelude::*;
 
-use super::candidates::Candidates;
+use super::candidates::Change;
 use super::fixed::square;
+use super::loaded::Light;
 use super::gather::{Fluxes, rounded, weighed};
 use super::order::Order;
-use super::share::{Beam, Disc, Scratch, Shared};
+use super::share::{Beam, Found, Scratch, Shared};
 use super::surfaces::Surfaces;
 use super::{Error, Gather, HitMap};
 use crate::base::{Grid, Progress, SeriesEntry, TileSink};
@@ -90,9 +91,13 @@ const COPY_ENTRIES: usize = 1 << 22;
 pub(super) struct TileSeries {
     /// The first timestep that is kept; sums and bits count from it.
     first: u32,
-    /// Sum per timestep of the pixel at work; all 0 between pixels.
+    /// Photons of the pixel at work, the sum of all, and of their squares.
+    photons: u64,
+    sum: i64,
+    squares: i64,
+    /// The sum per timestep.
     sums: Vec<i64>,
-    /// One bit for each timestep: whether a photon was added; all 0 between pixels.
+    /// One bit for each timestep whose sum may not be 0.
     lit: Vec<u64>,
     entries: Vec<SeriesEntry>,
     pixels: Vec<(u16, Range<usize>)>,
@@ -105,6 +110,9 @@ impl TileSeries {
         let count = timesteps.len();
         Self {
             first: timesteps.start,
+            photons: 0,
+            sum: 0,
+            squares: 0,
             sums: vec![0; count],
             lit: vec![0; count.div_ceil(64)],
             entries: Vec::new(),
@@ -119,9 +127,24 @@ impl TileSeries {
         self.pixels.clear();
     }
 
-    /// Adds a photon of the pixel at work.
+    /// Begins anew: nothing is left of the pixel before.
+    pub(super) fn anew(&mut self) {
+        (self.photons, self.sum, self.squares) = (0, 0, 0);
+        for (word, bits) in self.lit.iter_mut().enumerate() {
+            let mut left = std::mem::take(bits);
+            while left != 0 {
+                self.sums[word * 64 + left.trailing_zeros() as usize] = 0;
+                left &= left - 1;
+            }
+        }
+    }
+
+    /// Adds a photon to the pixel at work.
     #[inline]
     pub(super) fn add(&mut self, timestep: u32, integer: i64) {
+        self.photons += 1;
+        self.sum = self.sum.wrapping_add(integer);
+        self.squares = self.squares.wrapping_add(square(integer));
         let at = timestep.wrapping_sub(self.first) as usize;
         // A timestep out of range is damage that verify finds; it must not panic here.
         if let Some(sum) = self.sums.get_mut(at) {
@@ -130,45 +153,53 @@ impl TileSeries {
         }
     }
 
-    /// Adds the photons of a pixel's disc and ends it.
+    /// Takes a photon of the pixel before away.
+    #[inline]
+    pub(super) fn remove(&mut self, timestep: u32, integer: i64) {
+        self.photons = self.photons.wrapping_sub(1);
+        self.sum = self.sum.wrapping_sub(integer);
+        self.squares = self.squares.wrapping_sub(square(integer));
+        let at = timestep.wrapping_sub(self.first) as usize;
+        if let Some(sum) = self.sums.get_mut(at) {
+            *sum = sum.wrapping_sub(integer);
+        }
+    }
+
+    /// Goes from the photons of the pixel before to those of a pixel's disc and ends it.
     pub(super) fn pixel(
         &mut self,
         pixel: u16,
-        (disc, near): (&Disc, &Candidates),
+        found: &mut Found<'_>,
         fluxes: &Fluxes,
         (quantity, mantissa_bits): (Quantity, u32),
     ) -> PixelSeries {
-        let (mut photons, mut sum, mut squares) = (0, 0i64, 0i64);
         let scale = fluxes.scale(quantity);
-        let mut add = |timestep: u32, integer: i64| {
-            photons += 1;
-            sum = sum.wrapping_add(integer);
-            squares = squares.wrapping_add(square(integer));
-            self.add(timestep, integer);
+        let of = |light: &Light| match quantity {
+            Quantity::Surface => light.surface,
+            Quantity::Normal => light.normal,
         };
-        match quantity {
-            Quantity::Surface => disc.each(near, |light, kernel| {
-                add(light.timestep, weighed(light.surface, kernel));
-            }),
-            Quantity::Normal => disc.each(near, |light, kernel| {
-                add(light.timestep, weighed(light.normal, kernel));
-            }),
-        }
-        let value = |sum| rounded((scale.value(sum) / disc.area_m2) as f32, mantissa_bits);
+        found.changes(|change| match change {
+            Change::Anew => self.anew(),
+            Change::In(light, kernel) => self.add(light.timestep, weighed(of(light), kernel)),
+            Change::Out(light) => self.remove(light.timestep, of(light)),
+        });
+        let area_m2 = found.disc.area_m2;
+        let value = |sum| rounded((scale.value(sum) / area_m2) as f32, mantissa_bits);
         let lit = self.end(pixel, value);
-        let mean = scale.square_value(squares) / scale.value(sum).max(f64::MIN_POSITIVE);
-        PixelSeries { photons, lit, photon_w_m2: (mean / disc.area_m2) as f32 }
+        let mean = scale.square_value(self.squares) / scale.value(self.sum).max(f64::MIN_POSITIVE);
+        PixelSeries { photons: self.photons, lit, photon_w_m2: (mean / area_m2) as f32 }
     }
 
     /// Ends a pixel: `value` turns sums into W/m2. Returns how many timesteps are lit.
     pub(super) fn end(&mut self, pixel: u16, value: impl Fn(i64) -> f32) -> usize {
         let from = self.entries.len();
-        for (word, bits) in self.lit.iter_mut().enumerate() {
-            let mut left = std::mem::take(bits);
+        for (word, &bits) in self.lit.iter().enumerate() {
+            let mut left = bits;
             while left != 0 {
                 let at = word * 64 + left.trailing_zeros() as usize;
                 left &= left - 1;
-                let irradiance_w_m2 = value(std::mem::take(&mut self.sums[at]));
+                let sum = self.sums[at];
+                let irradiance_w_m2 = if sum == 0 { 0.0 } else { value(sum) };
                 if irradiance_w_m2 != 0.0 {
                     let timestep = self.first + at as u32;
                     self.entries.push(SeriesEntry { timestep, pixel, irradiance_w_m2 });
@@ -177,6 +208,13 @@ impl TileSeries {
         }
         self.pixels.push((pixel, from..self.entries.len()));
         self.entries.len() - from
+    }
+
+    /// How many entries each timestep has.
+    pub(super) fn count(&self, entries: &mut [u64]) {
+        for entry in &self.entries {
+            entries[entry.timestep as usize] += 1;
+        }
     }
 
     /// The tile's entries by timestep, then pixel.
@@ -244,8 +282,9 @@ pub fn series(
             let mut summary = SeriesSummary::default();
             tile_series.clear();
             noise.clear();
-            shared.tile(&order.spots(tile), scratch, &integers, None, |spot, disc, near| {
-                let made = tile_series.pixel(spot.pixel, (disc, near), &fluxes, how);
+            shared.tile(&order.spots(tile), scratch, &integers, None, |spot, mut found| {
+                let made = tile_series.pixel(spot.pixel, &mut found, &fluxes, how);
+                let disc = &found.disc;
                 noise.push((order.index(tile, spot.pixel), made.photon_w_m2, disc.radius_m as f32));
                 summary.pixels += 1;
                 summary.lit_pixels += u64::from(made.lit > 0);
@@ -313,6 +352,11 @@ mod tests {
                 tile.add(4, 1);
                 tile.add(95, 1);
                 lit += tile.end(pixel, |sum| sum as f32 / 8.0);
+                if pixel % 2 == 1 {
+                    tile.anew();
+                } else {
+                    photons(count).for_each(|(timestep, integer)| tile.remove(timestep, integer));
+                }
             }
             assert_eq!(tile.sorted(), expected, "round {round}");
             assert_eq!(lit, expected.len());

@@ -10,15 +10,24 @@ use std::f64::consts::PI;
 
 use glam::Vec3;
 
-use super::candidates::{Accept, Bound, Candidates, Light, Loaded};
+use super::candidates::{Answer, Bound, Candidates, Change, Last, Wanted};
 use super::estimate::{Kernel, MIN_RADIUS_M};
+use super::loaded::{Accept, Light, Loaded};
 use super::surfaces::{Mask, Plane, Surfaces, Tolerance};
 use super::{Error, Gather};
 use crate::base::Aabb;
-use crate::pages::{Neighbour, Neighbours, Query, Store};
+use crate::pages::{Neighbours, Query, Store};
 
 /// How much farther than its middle pixel a group looks.
 const AHEAD: f32 = 1.5;
+/// The same where the middle pixel is the only one: just beyond rounding.
+const ALONE: f32 = 1.0005;
+/// Pixels share a list of candidates within this part of their radius around their middle ...
+const SPREAD: f32 = 0.3;
+/// ... which reaches farther than the radius before by this part,
+const SPARE: f32 = 0.04;
+/// and grows by this factor where that was too little.
+const LONGER: f32 = 1.25;
 /// How much farther pixels look that didn't find enough.
 const FARTHER: f32 = 1.7;
 /// A group is worth its photons where there are at most this many for each that its pixels ask
@@ -53,6 +62,12 @@ pub(super) struct Spot {
     pub normal: Vec3,
 }
 
+/// A box that reaches farther on all sides.
+fn grown(around: Aabb, reach_m: f32) -> Aabb {
+    let reach = Vec3::splat(reach_m);
+    Aabb { min: around.min - reach, max: around.max + reach }
+}
+
 /// The disc over which the photons of a pixel are spread.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Disc {
@@ -65,15 +80,23 @@ pub(super) struct Disc {
     kernel: Kernel,
 }
 
-impl Disc {
-    /// Calls `each` for the photons of the disc with the weight that the kernel gives them.
-    pub fn each(&self, candidates: &Candidates, mut each: impl FnMut(&Light, f64)) {
-        match self.kernel {
-            Kernel::Flat => candidates.within(self.bound, |light, _| each(light, 1.0)),
+/// A disc and what lies in it.
+pub(super) struct Found<'a> {
+    pub disc: Disc,
+    loaded: &'a Loaded,
+    candidates: &'a mut Candidates,
+}
+
+impl Found<'_> {
+    /// Calls `each` with what differs from the photons of the pixel that was answered before.
+    pub fn changes(&mut self, mut each: impl FnMut(Change<'_>)) {
+        match self.disc.kernel {
+            Kernel::Flat => self.candidates.changes(self.loaded, self.disc.bound, each),
             Kernel::Epanechnikov => {
-                let radius2 = self.radius_m * self.radius_m;
-                candidates.within(self.bound, |light, d2| {
-                    each(light, 2.0 * (1.0 - f64::from(d2) / radius2).max(0.0));
+                let radius2 = self.disc.radius_m * self.disc.radius_m;
+                each(Change::Anew);
+                self.candidates.all(self.loaded, self.disc.bound, |light, d2| {
+                    each(Change::In(light, 2.0 * (1.0 - f64::from(d2) / radius2).max(0.0)));
                 });
             }
         }
@@ -92,11 +115,12 @@ pub(super) struct Recorded {
 #[derive(Default)]
 pub(super) struct Scratch {
     pilot: Neighbours,
-    loaded: Vec<Loaded>,
-    whole: Candidates,
-    own: Candidates,
+    loaded: Loaded,
+    own: Loaded,
+    candidates: Candidates,
     mask: Mask,
     places: Vec<Vec3>,
+    todo: Vec<(u32, Option<Disc>)>,
     keyed: Vec<([u32; 3], i32, u32)>,
 }
 
@@ -134,11 +158,8 @@ impl<'a> Shared<'a> {
         scratch: &mut Scratch,
         value: &impl Fn(Beam) -> Option<[i64; 2]>,
         recorded: Option<&mut Recorded>,
-        mut each: impl FnMut(&Spot, &Disc, &Candidates),
+        mut each: impl FnMut(&Spot, Found<'_>),
     ) -> Result<(), Error> {
-        if recorded.is_none() && self.surfaces.is_none() && self.gather.is_open() {
-            return self.open(spots, scratch, value, each);
-        }
         let mut jobs = vec![((0..spots.len() as u32).collect::<Vec<u32>>(), None)];
         let mut record = Recorded { groups: Vec::new(), discs: vec![None; spots.len()] };
         while let Some((numbers, reach_m)) = jobs.pop() {
@@ -154,35 +175,31 @@ impl<'a> Shared<'a> {
             let reach_m = match reach_m {
                 Some(reach_m) => reach_m,
                 None => {
-                    let (radius_m, density) = self.pilot(&group[middle], scratch)?;
-                    let reach_m = (radius_m * AHEAD).min(self.max_radius_m);
-                    let extent =
-                        Aabb::around(group.iter().map(|s| s.position)).size().max_element();
-                    let edge = extent + 2.0 * reach_m;
-                    let photons = edge * edge * density;
-                    let worth = WORTH * self.gather.bandwidth as f32 * group.len() as f32;
-                    let costly = photons > worth.min(self.most_loaded() as f32);
-                    if group.len() > 1 && (costly || extent > MOST_REACHES * reach_m) {
+                    let radius_m = self.pilot(&group[middle], scratch)?;
+                    let alone = group.len() == 1 && self.gather.is_open();
+                    let ahead = if alone { ALONE } else { AHEAD };
+                    let reach_m = (radius_m * ahead).min(self.max_radius_m);
+                    if group.len() > 1 && !self.worth(&group, reach_m)? {
                         halves(&mut jobs, None);
                         continue;
                     }
                     reach_m
                 }
             };
-            let Some(region) = self.load(&group, reach_m, scratch, value)? else {
+            if !self.load(&group, reach_m, scratch, value)? {
                 halves(&mut jobs, Some(reach_m));
                 continue;
-            };
+            }
             let number = record.groups.len() as u32;
             let mut failed = Vec::new();
-            let mut answer = |at: usize, disc: Option<Disc>, candidates: &Candidates| match disc {
-                Some(disc) => {
-                    record.discs[numbers[at] as usize] = Some((disc, number));
-                    each(&group[at], &disc, candidates);
+            let mut answer = |at: usize, found: Option<Found<'_>>| match found {
+                Some(found) => {
+                    record.discs[numbers[at] as usize] = Some((found.disc, number));
+                    each(&group[at], found);
                 }
                 None => failed.push(numbers[at]),
             };
-            self.group(&group, (region, reach_m), scratch, |_| None, &mut answer);
+            self.group(&group, reach_m, scratch, |_| None, &mut answer);
             record.groups.push((numbers, reach_m));
             // What didn't find enough looks farther, still together, in the order of the tile.
             failed.sort_unstable();
@@ -192,35 +209,6 @@ impl<'a> Shared<'a> {
             *out = record;
         }
         Ok(())
-    }
-
-    /// The same where discs end nowhere: the store's own search is exact, and shares what
-    /// neighbours need by itself.
-    fn open(
-        &self,
-        spots: &[Spot],
-        scratch: &mut Scratch,
-        value: &impl Fn(Beam) -> Option<[i64; 2]>,
-        mut each: impl FnMut(&Spot, &Disc, &Candidates),
-    ) -> Result<(), Error> {
-        let query = |spot: &Spot| Query {
-            point: spot.position,
-            normal: spot.normal,
-            count: self.gather.bandwidth,
-            max_radius_m: self.max_radius_m,
-        };
-        let queries: Vec<Query> = spots.iter().map(query).collect();
-        let Scratch { pilot, own, .. } = scratch;
-        let light = |n: &Neighbour| {
-            let beam = Beam { flux_w: n.flux_w, cos: n.cos, timestep: n.timestep };
-            let [surface, normal] = value(beam).unwrap_or_default();
-            Light { surface, normal, index: n.index, timestep: n.timestep }
-        };
-        self.store.nearest_each(&queries, pilot, |at, found| {
-            let bound = own.take(found, self.gather.estimator, self.max_radius_m, light);
-            each(&spots[at], &self.disc(bound, |_| 1.0), own);
-            Ok(())
-        })
     }
 
     /// The disc within a bound; `share` of it belongs to the pixel's surface.
@@ -244,22 +232,24 @@ impl<'a> Shared<'a> {
         scratch: &mut Scratch,
         value: &impl Fn(Beam) -> Option<[i64; 2]>,
         recorded: &Recorded,
-        mut each: impl FnMut(&Spot, &Disc, &Candidates),
+        mut each: impl FnMut(&Spot, Found<'_>),
     ) -> Result<(), Error> {
         for (number, (numbers, reach_m)) in recorded.groups.iter().enumerate() {
             let group: Vec<Spot> = numbers.iter().map(|&n| spots[n as usize]).collect();
             // No more photons than last time: they fit.
-            let Some(region) = self.load(&group, *reach_m, scratch, value)? else { continue };
+            if !self.load(&group, *reach_m, scratch, value)? {
+                continue;
+            }
             let known = |at: usize| match recorded.discs[numbers[at] as usize] {
                 Some((disc, by)) if by as usize == number => Some(Some(disc)),
                 _ => Some(None),
             };
-            let mut answer = |at: usize, disc: Option<Disc>, candidates: &Candidates| {
-                if let Some(disc) = disc {
-                    each(&group[at], &disc, candidates);
+            let mut answer = |at: usize, found: Option<Found<'_>>| {
+                if let Some(found) = found {
+                    each(&group[at], found);
                 }
             };
-            self.group(&group, (region, *reach_m), scratch, known, &mut answer);
+            self.group(&group, *reach_m, scratch, known, &mut answer);
         }
         Ok(())
     }
@@ -268,8 +258,20 @@ impl<'a> Shared<'a> {
         MOST_LOADED.max(8 * self.gather.bandwidth)
     }
 
-    /// Radius that a pixel needs on an open surface, m, and photons per m2 there.
-    fn pilot(&self, spot: &Spot, scratch: &mut Scratch) -> Result<(f32, f32), Error> {
+    /// Whether a group is better off together.
+    fn worth(&self, group: &[Spot], reach_m: f32) -> Result<bool, Error> {
+        let around = Aabb::around(group.iter().map(|s| s.position));
+        let extent = around.size().max_element();
+        if self.surfaces.is_some() && extent > MOST_REACHES * reach_m {
+            return Ok(false);
+        }
+        let most = WORTH * self.gather.bandwidth as f32 * group.len() as f32;
+        let most = most.min(0.8 * self.most_loaded() as f32);
+        Ok(self.store.about_in_box(grown(around, reach_m), most)? <= most)
+    }
+
+    /// Radius that a pixel needs on an open surface, m.
+    fn pilot(&self, spot: &Spot, scratch: &mut Scratch) -> Result<f32, Error> {
         let query = Query {
             point: spot.position,
             normal: spot.normal,
@@ -278,50 +280,46 @@ impl<'a> Shared<'a> {
         };
         let found = &mut scratch.pilot;
         self.store.nearest(&query, found)?;
-        let radius_m = match found.farthest().filter(|_| found.full()) {
+        Ok(match found.farthest().filter(|_| found.full()) {
             Some(at) => found.items()[at].distance2_m2.sqrt().max(MIN_RADIUS_M as f32),
             None => self.max_radius_m,
-        };
-        let area_m2 = PI as f32 * radius_m * radius_m;
-        Ok((radius_m, found.items().len() as f32 / area_m2))
+        })
     }
 
-    /// Loads the photons within reach of a group; `None` where they are too many.
+    /// Loads the photons within reach of a group; false where they are too many.
     fn load(
         &self,
         group: &[Spot],
         reach_m: f32,
         scratch: &mut Scratch,
         value: &impl Fn(Beam) -> Option<[i64; 2]>,
-    ) -> Result<Option<Aabb>, Error> {
+    ) -> Result<bool, Error> {
         let around = Aabb::around(group.iter().map(|s| s.position));
         // Beyond the reach by more than rounding.
         let wide = reach_m * 1.0002 + 1e-4;
-        let reach = Vec3::splat(wide);
-        let region = Aabb { min: around.min - reach, max: around.max + reach };
+        let region = grown(around, wide);
         let alone = (group.len() == 1).then(|| group[0].normal);
         let most = if group.len() == 1 { usize::MAX } else { self.most_loaded() };
         let loaded = &mut scratch.loaded;
         loaded.clear();
         let mut too_many = false;
-        self.store.in_box(region, |index, photon| {
-            if around.distance_squared(photon.position) > wide * wide
-                || alone.is_some_and(|n| photon.normal.dot(n) < self.tolerance.normal_cos)
+        self.store.lit_in_box(region, |index, position, normal, light| {
+            if around.distance_squared(position) > wide * wide
+                || alone.is_some_and(|n| normal.dot(n) < self.tolerance.normal_cos)
             {
-                return;
+                return true;
             }
             if loaded.len() >= most {
                 too_many = true;
-                return;
+                return false;
             }
-            let cos = photon.normal.dot(photon.direction);
-            let beam = Beam { flux_w: photon.flux_w, cos, timestep: photon.timestep };
-            if let Some([surface, normal]) = value(beam) {
-                let light = Light { surface, normal, index, timestep: photon.timestep };
-                loaded.push(Loaded { position: photon.position, normal: photon.normal, light });
+            let timestep = light.timestep;
+            if let Some([e, e_n]) = value(Beam { flux_w: light.flux_w, cos: light.cos, timestep }) {
+                loaded.push(position, normal, Light { surface: e, normal: e_n, index, timestep });
             }
+            true
         })?;
-        Ok((!too_many).then_some(region))
+        Ok(!too_many)
     }
 
     /// Answers the spots of a group from its photons, plane by plane. `known` tells discs that
@@ -329,19 +327,20 @@ impl<'a> Shared<'a> {
     fn group(
         &self,
         group: &[Spot],
-        (region, reach_m): (Aabb, f32),
+        reach_m: f32,
         scratch: &mut Scratch,
         known: impl Fn(usize) -> Option<Option<Disc>>,
-        answer: &mut impl FnMut(usize, Option<Disc>, &Candidates),
+        answer: &mut impl FnMut(usize, Option<Found<'_>>),
     ) {
-        let Scratch { loaded, whole, own, mask, places, keyed, .. } = scratch;
+        let Scratch { loaded, own, candidates, mask, places, keyed, todo, .. } = scratch;
         keyed.clear();
+        let level = self.surfaces.is_some() || self.tolerance.plane_m.is_finite();
         for (i, spot) in group.iter().enumerate() {
             let offset = (spot.normal.dot(spot.position) / PLANE_STEP_M).round() as i32;
+            let offset = if level { offset } else { 0 };
             keyed.push((spot.normal.to_array().map(f32::to_bits), offset, i as u32));
         }
         keyed.sort_unstable();
-        let mut filled = false;
         for run in keyed.chunk_by_mut(|a, b| (a.0, a.1) == (b.0, b.1)) {
             let normal = group[run[0].2 as usize].normal;
             let plane = Plane { normal, offset_m: run[0].1 as f32 * PLANE_STEP_M };
@@ -366,64 +365,100 @@ impl<'a> Shared<'a> {
                 let mask = component.map(|_| &*mask);
                 let accept = |place: Vec3, n: Vec3| {
                     n.dot(normal) >= self.tolerance.normal_cos
-                        && plane.height_m(place).abs() <= self.tolerance.plane_m
+                        && (!level || plane.height_m(place).abs() <= self.tolerance.plane_m)
                         && component.is_none_or(|c| mask.is_none_or(|m| m.holds(c, place)))
                 };
+                todo.clear();
+                for &(_, _, at) in part {
+                    match known(at as usize) {
+                        Some(None) => {}
+                        Some(disc) => todo.push((at, disc)),
+                        None => todo.push((at, None)),
+                    }
+                }
                 // Many pixels on one plane are worth photons of their own; few sort out what they
                 // find among all.
-                let worth = part.len() * self.gather.bandwidth >= loaded.len();
-                if worth {
-                    own.fill(loaded, normal, (region, reach_m), Some(&accept));
-                    self.spots(group, part, (reach_m, mask, None), own, &known, answer);
+                let worth = todo.len() * self.gather.bandwidth >= loaded.len();
+                let (photons, accept): (&Loaded, Option<&Accept<'_>>) = if worth {
+                    own.take(loaded, &accept);
+                    (own, None)
                 } else {
-                    if !filled {
-                        whole.fill(loaded, normal, (region, reach_m), None);
-                        filled = true;
-                    }
-                    let accept: Option<&Accept<'_>> = Some(&accept);
-                    self.spots(group, part, (reach_m, mask, accept), whole, &known, answer);
-                }
+                    (loaded, Some(&accept))
+                };
+                self.spots(group, todo, (reach_m, mask, accept), (photons, candidates), answer);
             }
         }
     }
 
+    /// Answers spots of one plane and component, neighbours from one list of candidates.
     fn spots(
         &self,
         group: &[Spot],
-        part: &[([u32; 3], i32, u32)],
+        todo: &[(u32, Option<Disc>)],
         (reach_m, mask, accept): (f32, Option<&Mask>, Option<&Accept<'_>>),
-        candidates: &mut Candidates,
-        known: &impl Fn(usize) -> Option<Option<Disc>>,
-        answer: &mut impl FnMut(usize, Option<Disc>, &Candidates),
+        (loaded, candidates): (&Loaded, &mut Candidates),
+        answer: &mut impl FnMut(usize, Option<Found<'_>>),
     ) {
+        let (count, estimator) = (self.gather.bandwidth, self.gather.estimator);
         let last_word = reach_m >= self.max_radius_m;
-        let mut guess_m = reach_m / AHEAD * 1.05;
-        for &(_, _, at) in part {
-            let place = group[at as usize].position;
-            match known(at as usize) {
-                Some(Some(disc)) => {
-                    candidates.look_again(place, disc.bound, accept);
-                    answer(at as usize, Some(disc), candidates);
-                    continue;
-                }
-                Some(None) => continue,
-                None => {}
-            }
-            let bound = candidates.bound(
-                place,
-                self.gather.bandwidth,
-                self.gather.estimator,
-                (guess_m, reach_m, last_word),
-                accept,
-            );
-            let disc = bound.map(|bound| {
-                let exact_m = f64::from(bound.distance2_m2).sqrt();
-                guess_m = if bound.full { exact_m as f32 * 1.08 } else { reach_m };
-                guess_m = guess_m.max(reach_m / 64.0);
-                let kernel = self.gather.kernel;
-                self.disc(bound, |r| mask.map_or(1.0, |m| m.share(place, r, kernel)))
+        let wanted = Wanted { count, estimator, reach_m, last_word };
+        let place = |(at, _): (u32, Option<Disc>)| group[at as usize].position;
+        let known_m = |disc: &Disc| disc.bound.distance2_m2.sqrt();
+        let mut last: Option<Last> = None;
+        let mut guess_m = reach_m / AHEAD;
+        let mut rest = todo;
+        while let Some(&first) = rest.first() {
+            let radius_m = first.1.as_ref().map_or(guess_m, known_m);
+            let mut bounds = Aabb::around([place(first)]);
+            let alike = rest.iter().take_while(|next| {
+                let grown = bounds.union(Aabb::around([place(**next)]));
+                let near = 0.5 * grown.size().length() <= SPREAD * radius_m;
+                bounds = if near { grown } else { bounds };
+                near
             });
-            answer(at as usize, disc, candidates);
+            let length = alike.count().max(1);
+            let (cluster, others) = rest.split_at(length);
+            rest = others;
+            let centre = bounds.center();
+            let spread_m = 0.5 * bounds.size().length();
+            let longest_m = (reach_m + spread_m) * 1.0001 + 1e-6;
+            let mut list_m = ((1.0 + SPARE) * radius_m + spread_m).min(longest_m);
+            candidates.list(loaded, centre, list_m, accept);
+            for &(at, known) in cluster {
+                let point = group[at as usize].position;
+                let disc = loop {
+                    let bound = match known {
+                        Some(disc) if candidates.holds(point, disc.bound) => {
+                            candidates.look(point);
+                            break Some(disc);
+                        }
+                        // Nothing lies beyond.
+                        Some(disc) if list_m >= longest_m => {
+                            candidates.look(point);
+                            break Some(disc);
+                        }
+                        Some(_) => Answer::ListMore,
+                        None => candidates.bound(loaded, point, &wanted, last),
+                    };
+                    match bound {
+                        Answer::Bound(bound) => {
+                            let exact_m = bound.distance2_m2.sqrt();
+                            last = bound.full.then_some(Last { point, radius_m: exact_m });
+                            guess_m = exact_m.max(reach_m / 64.0);
+                            let kernel = self.gather.kernel;
+                            let share =
+                                |r| mask.map_or(1.0, |m: &Mask| m.share(point, r, kernel));
+                            break Some(self.disc(bound, share));
+                        }
+                        Answer::LoadMore => break None,
+                        Answer::ListMore => {
+                            list_m = (list_m * LONGER).min(longest_m);
+                            candidates.list(loaded, centre, list_m, accept);
+                        }
+                    }
+                };
+                answer(at as usize, disc.map(|disc| Found { disc, loaded, candidates }));
+            }
         }
     }
 }

@@ -152,14 +152,39 @@ impl Volume {
         out: &mut [f32],
         lit: &mut [bool],
     ) -> Result<(), Error> {
-        let pixels = self.tiling.rows * self.tiling.columns;
-        if range.start > range.end || range.end > self.tiling.timesteps {
+        self.read_rows(range, 0..self.tiling.rows, out, lit)
+    }
+
+    /// [`Self::read_lit`] for some rows of the slices, which begin at a row of tiles and end before
+    /// one, or at the bottom. `lit` has entries for the tiles of those rows alone.
+    ///
+    /// # Errors
+    /// As [`Self::read_lit`], and other rows.
+    pub fn read_rows(
+        &self,
+        range: Range<usize>,
+        picked: Range<usize>,
+        out: &mut [f32],
+        lit: &mut [bool],
+    ) -> Result<(), Error> {
+        let Tiling { timesteps, rows, columns } = self.tiling;
+        if range.start > range.end || range.end > timesteps {
             return Err(Error::Shape {
                 what: "range of timesteps",
-                expected: format!("within 0..{}", self.tiling.timesteps),
+                expected: format!("within 0..{timesteps}"),
                 found: format!("{range:?}"),
             });
         }
+        let ends = picked.end == rows || picked.end.is_multiple_of(TILE_EDGE);
+        let begins = picked.start.is_multiple_of(TILE_EDGE);
+        if !(begins && ends && picked.start <= picked.end && picked.end <= rows) {
+            return Err(Error::Shape {
+                what: "range of rows",
+                expected: format!("whole rows of tiles within 0..{rows}"),
+                found: format!("{picked:?}"),
+            });
+        }
+        let pixels = picked.len() * columns;
         if range.len().checked_mul(pixels) != Some(out.len()) {
             return Err(Error::Shape {
                 what: "room for the slices",
@@ -167,7 +192,8 @@ impl Volume {
                 found: out.len().to_string(),
             });
         }
-        let flags = range.len().saturating_mul(self.tiling.tiles());
+        let tiles = picked.len().div_ceil(TILE_EDGE) * self.tiling.across();
+        let flags = range.len().saturating_mul(tiles);
         if lit.len() != flags {
             return Err(Error::Shape {
                 what: "room for what is lit",
@@ -176,13 +202,19 @@ impl Volume {
             });
         }
         match &self.source {
+            Source::Npy(_) if picked.is_empty() => Ok(()),
             Source::Npy(reader) => {
                 lit.fill(true);
-                let first = range.start as u64 * pixels as u64;
-                reader.read_at(first, out).map_err(Error::npy(&self.path))
+                let whole = picked.len() == rows;
+                let piece = if whole { out.len().max(1) } else { pixels };
+                for (timestep, out) in range.zip(out.chunks_mut(piece)) {
+                    let first = (timestep * rows + picked.start) as u64 * columns as u64;
+                    reader.read_at(first, out).map_err(Error::npy(&self.path))?;
+                }
+                Ok(())
             }
-            Source::Zarr(_) if range.is_empty() => Ok(()),
-            Source::Zarr(tiles) => self.read_tiles(tiles, range, out, lit),
+            Source::Zarr(_) if range.is_empty() || picked.is_empty() => Ok(()),
+            Source::Zarr(tiles) => self.read_tiles(tiles, range, picked, out, lit),
         }
     }
 
@@ -190,21 +222,22 @@ impl Volume {
         &self,
         tiles: &Tiles,
         range: Range<usize>,
+        picked: Range<usize>,
         out: &mut [f32],
         lit: &mut [bool],
     ) -> Result<(), Error> {
-        let Tiling { rows, columns, .. } = self.tiling;
-        let across = self.tiling.across();
+        let columns = self.tiling.columns;
+        let (across, down) = (self.tiling.across(), picked.len().div_ceil(TILE_EDGE));
         // What a chunk fills lies scattered over the slices, but no two rows of tiles share any of
         // it: each of them, for each 16 timesteps, is a piece of work of its own.
         let mut work: Vec<Vec<Band<'_>>> = Vec::new();
         let mut chunks = Vec::new();
-        let mut slices = out.chunks_mut(rows * columns).zip(lit.chunks_mut(self.tiling.tiles()));
+        let mut slices = out.chunks_mut(picked.len() * columns).zip(lit.chunks_mut(down * across));
         let mut from = range.start;
         while from < range.end {
             let to = (from / CHUNK_TIMESTEPS + 1).saturating_mul(CHUNK_TIMESTEPS).min(range.end);
             let base = work.len();
-            work.resize_with(base + self.tiling.down(), Vec::new);
+            work.resize_with(base + down, Vec::new);
             for (slice, lit) in slices.by_ref().take(to - from) {
                 let bands = slice.chunks_mut(TILE_EDGE * columns).zip(lit.chunks_mut(across));
                 for (row, (numbers, lit)) in bands.enumerate() {
@@ -218,8 +251,8 @@ impl Volume {
             || Scratch::new(&self.path),
             |scratch, (number, mut bands)| {
                 let scratch = scratch.as_mut().map_err(|_| self.no_memory())?;
-                let row = number % self.tiling.down();
-                let (chunk, skip) = chunks[number / self.tiling.down()];
+                let row = picked.start / TILE_EDGE + number % down;
+                let (chunk, skip) = chunks[number / down];
                 for column in 0..across {
                     let number = row * across + column;
                     let tile = self.tiling.rect(number);

@@ -394,9 +394,9 @@ fn settings_out_of_range_are_refused() {
 fn too_many_events_for_the_memory_are_refused_by_name() {
     let volume = Memory::from_fn([4, 200, 200], |t, y, x| ((t + y + x) % 2 * 20) as f32);
     let settings = Settings { sigma: [0.0; 3], ..Settings::default() };
-    let fixed = glare::plan(&volume, &settings, false).unwrap().fixed_bytes;
-    let tight = Settings { memory_bytes: fixed, ..settings };
-    assert!(matches!(refusal(&volume, &tight), Error::Events { .. }));
+    let tight = Plan { events_bytes: 1000, ..glare::plan(&volume, &settings, false).unwrap() };
+    let found = glare::analyse_planned(&volume, &whole(&volume), &settings, &tight, None, &Silent);
+    assert!(matches!(found.map(|_| ()), Err(Error::Events { timestep: 0, .. })));
 }
 
 /// Runs the program; what it printed on both channels, and its exit code.

@@ -28,6 +28,12 @@ fn a_fused_view_gives_what_the_series_gives() {
                 let name = format!("glare-{threshold}/{file}");
                 assert!(of(&written, &name) == of(&fused, &name), "{name} at {memory}");
             }
+            for file in ["above_h", "days", "longest_run_h", "longest_day_h", "first_hour",
+                "exceeded_30min_w_m2", "exceeded_50h_w_m2"]
+            {
+                let name = format!("glare-{threshold}/unfiltered/{file}.npy");
+                assert!(of(&written, &name) == of(&fused, &name), "{name} at {memory}");
+            }
         }
         // Another threshold later: analysed again, the rest is current.
         let again = ["--set", "view.plan.fuse=true", "--set", "glare.thresholds_w_m2=[10.0, 20.0]"];

@@ -35,7 +35,7 @@ struct Arguments {
     /// Queries of a set
     #[arg(long, default_value_t = 16_384)]
     queries: usize,
-    /// Distance between the queries of the patch, metres
+    /// Distance between the queries of the patch, metres, on average
     #[arg(long, default_value_t = 0.1)]
     pitch: f32,
     /// Memory for building, MiB
@@ -182,19 +182,27 @@ fn together(store: &Store, k: usize, points: &[(Vec3, Vec3)], threads: usize) ->
     })
 }
 
-/// A grid on the plane of the photon in the middle of the store, in Morton order.
+/// Where photons lie, as a picture's pixels see them: `pitch` apart on average, in the store's own
+/// order (that of Morton codes), from its middle on.
 fn patch(store: &Store, arguments: &Arguments) -> Result<Vec<(Vec3, Vec3)>> {
-    let mut middle = None;
-    store.in_page(store.info().pages as usize / 3, |_, p| middle = middle.or(Some(*p)))?;
-    let middle: Photon = middle.context("a store without photons")?;
-    let (u, v) = middle.normal.any_orthonormal_pair();
-    let compact = |i: usize| (0..16).fold(0, |n, bit| n | (i >> (2 * bit) & 1) << bit);
-    Ok((0..arguments.queries)
-        .map(|i| {
-            let (a, b) = (compact(i) as f32, compact(i >> 1) as f32);
-            (middle.position + (u * a + v * b) * arguments.pitch, middle.normal)
-        })
-        .collect())
+    let info = store.info();
+    let area_m2 = arguments.queries as f64 * f64::from(arguments.pitch).powi(2);
+    let step = (area_m2 / info.area_m2_per_photon / arguments.queries as f64).max(1.0) as usize;
+    let mut points = Vec::new();
+    let mut seen = 0;
+    for number in (info.pages as usize / 2..info.pages as usize).chain(0..info.pages as usize / 2) {
+        store.in_page(number, |_, p| {
+            if seen % step == 0 {
+                points.push((p.position, p.normal));
+            }
+            seen += 1;
+        })?;
+        if points.len() >= arguments.queries {
+            points.truncate(arguments.queries);
+            break;
+        }
+    }
+    Ok(points)
 }
 
 /// The first photons of pages from end to end of the store.

@@ -30,10 +30,6 @@ pub struct Band {
 }
 
 impl Band {
-    #[cfg_attr(
-        not(test),
-        expect(dead_code, reason = "for verdicts, which say where noise decides")
-    )]
     /// Whether noise decides if `limit_h` is exceeded at a pixel; `None` where it does.
     pub fn exceeds(&self, pixel: (usize, usize), limit_h: f32) -> Option<bool> {
         match (self.low_h[pixel] > limit_h, self.high_h[pixel] > limit_h) {
@@ -108,7 +104,7 @@ pub(super) fn each_slice(
         let last = (first / unit * unit + step).min(range.end);
         let (count, part) = (last - first, &mut numbers[..(last - first) * pixels]);
         source
-            .read_lit(first..last, part, &mut lit[..count * blocks.len()])
+            .read_lit(first..last, 0..rows, part, &mut lit[..count * blocks.len()])
             .map_err(crate::glare::Error::from)?;
         for (i, slice) in part.chunks_exact(pixels).enumerate() {
             each(first + i, slice);
@@ -154,7 +150,6 @@ pub(super) fn write(
 ///
 /// # Errors
 /// A file that isn't there or can't be read.
-#[expect(dead_code, reason = "for verdicts, which say where noise decides")]
 pub(super) fn read(
     job: &Job<'_>,
     candidate: &Candidate,

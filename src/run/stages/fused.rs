@@ -6,40 +6,73 @@ use std::time::Instant;
 use serde_json::json;
 
 use super::band::{Band, Counter, each_slice};
-use super::glare::keep;
-use crate::base::{Grid, limits};
-use crate::glare::{self, Analysis, Calendar, Plan, Session, TileBatch};
+use super::glare::{keep, provenance};
+use crate::base::{Grid, SeriesEntry, SinkError, TileRect, TileSink, limits};
+use crate::glare::{self, Analysis, Calendar, Plan, Session, TileBatch, YearRows, YearTiles};
 use crate::pages::Store;
 use crate::render::{Fused, Gather, HitMap, Series, Surfaces};
 use crate::run::Error;
 use crate::run::job::Job;
 use crate::run::resolve::{Candidate, PlannedView};
+use crate::volume::TimeAxis;
 
 /// Bytes of a batch for each number in it: in the batch, and while its tiles are put in order.
 const ENTRY_BYTES: u64 = 16;
 
 /// What a fused view gives.
-pub(super) struct Made {
+pub(super) struct Made<'a> {
     pub series: Series,
     pub peak: Grid<f32>,
-    pub analyses: Vec<(f64, Analysis, Band)>,
+    pub analyses: Vec<Analysed<'a>>,
     pub batches: usize,
+}
+
+/// What it gives at a threshold.
+pub(super) struct Analysed<'a> {
+    threshold: f64,
+    analysis: Analysis,
+    band: Band,
+    /// The maps of the year from the series as it is; none of sensors.
+    year: Option<YearTiles<'a>>,
+}
+
+/// Hands each tile to several.
+struct All<'a, 'b>(&'b [YearTiles<'a>]);
+
+impl TileSink for All<'_, '_> {
+    fn has(&self, _: TileRect) -> bool {
+        false
+    }
+
+    fn put(&self, tile: TileRect, entries: &[SeriesEntry]) -> Result<(), SinkError> {
+        self.0.iter().try_for_each(|sink| sink.put(tile, entries))
+    }
 }
 
 /// Renders a view batch by batch and analyses it at `thresholds`. The same integers as an
 /// analysis of the written series gives, because filter and events never cross a segment.
-pub(super) fn analyse(
+pub(super) fn analyse<'a>(
     job: &Job<'_>,
+    axis: &'a TimeAxis,
+    view: &PlannedView,
     (store, surfaces, hits): (&Store, Option<&Surfaces<'_>>, &HitMap),
     gather: &Gather,
     thresholds: &[f64],
-) -> Result<Made, Error> {
+) -> Result<Made<'a>, Error> {
     let (progress, timeline) = (job.progress, job.timeline()?);
-    let fused = Fused::prepare(store, surfaces, hits, gather, job.resolved.quantity, progress)?;
+    let (quantity, spill) = (job.resolved.quantity, job.folder.root());
+    let mut years = Vec::new();
+    for &threshold in thresholds.iter().filter(|_| view.points.is_none()) {
+        years.push(YearTiles::new(axis, [hits.rows, hits.columns], threshold, spill)?);
+    }
+    let whole = (!years.is_empty()).then_some(All(&years));
+    let whole = whole.as_ref().map(|all| all as &dyn TileSink);
+    let fused = Fused::prepare(store, surfaces, hits, gather, (quantity, whole), progress)?;
     let shape = [timeline.steps.len(), hits.rows, hits.columns];
     let memory = job.resolved.glare.memory_bytes / 4;
     let settings = glare::Settings {
         memory_bytes: memory * 2 / thresholds.len().max(1) as u64,
+        spill: spill.to_owned(),
         ..job.resolved.glare.clone()
     };
     let mut sessions = Vec::new();
@@ -54,7 +87,7 @@ pub(super) fn analyse(
         sessions.push((session, Counter::new(threshold, &fused.series.photon_w_m2)));
     }
     let segments = timeline.segments();
-    let batches = batches(&segments, &fused.photons, memory / ENTRY_BYTES);
+    let batches = batches(&segments, &fused.entries, memory / ENTRY_BYTES);
     let mut peak = Grid::filled(hits.columns, hits.rows, 0.0f32);
     for batch in &batches {
         let range = segments[batch.start].start..segments[batch.end - 1].end;
@@ -75,21 +108,23 @@ pub(super) fn analyse(
         progress.finish();
     }
     let mut analyses = Vec::new();
+    let mut years = years.into_iter();
     for (&threshold, (session, counter)) in thresholds.iter().zip(sessions) {
-        analyses.push((threshold, session.finish()?, counter.finish()));
+        let (analysis, band, year) = (session.finish()?, counter.finish(), years.next());
+        analyses.push(Analysed { threshold, analysis, band, year });
     }
     Ok(Made { series: fused.series, peak, analyses, batches: batches.len() })
 }
 
-/// Cuts the year into runs of segments whose photons, and so whose numbers, are at most `most`;
+/// Cuts the year into runs of segments whose numbers (`entries` of a timestep) are at most `most`;
 /// one segment is never cut.
-fn batches(segments: &[Range<usize>], photons: &[u64], most: u64) -> Vec<Range<usize>> {
+fn batches(segments: &[Range<usize>], entries: &[u64], most: u64) -> Vec<Range<usize>> {
     // A batch counts its timesteps in 22 bits.
     let longest = (1usize << 32) / (limits::TILE_EDGE * limits::TILE_EDGE);
     let mut out: Vec<Range<usize>> = Vec::new();
     let (mut sum, mut first) = (0u64, 0);
     for (i, segment) in segments.iter().enumerate() {
-        let here: u64 = photons[segment.clone()].iter().sum();
+        let here: u64 = entries[segment.clone()].iter().sum();
         match out.last_mut() {
             Some(last) if sum + here <= most && segment.end - first <= longest => {
                 last.end = i + 1;
@@ -109,16 +144,23 @@ pub(super) fn record(
     job: &mut Job<'_>,
     candidate: &Candidate,
     view: &PlannedView,
-    analyses: &[(f64, Analysis, Band)],
+    axis: &TimeAxis,
+    analyses: Vec<Analysed<'_>>,
     began: Instant,
 ) -> Result<(), Error> {
     let render_key = job.resolved.render_key(candidate, view)?;
-    for (threshold, analysis, band) in analyses {
-        let key = job.resolved.glare_key(&render_key, *threshold)?;
+    for Analysed { threshold, analysis, band, year } in analyses {
+        let key = job.resolved.glare_key(&render_key, threshold)?;
         let unit = format!("glare {} {} {threshold}", candidate.name, view.name);
-        let axis = crate::volume::TimeAxis::from(job.timeline()?);
-        let outputs =
-            keep(job, candidate, view, (*threshold, &key), (analysis, Some(&axis), band))?;
+        let made = (&analysis, Some(axis), &band);
+        let mut outputs = keep(job, candidate, view, (threshold, &key), made)?;
+        if let Some(year) = year {
+            let folder = job.folder.glare(&candidate.name, &view.name, threshold, "");
+            let attributes = provenance(job, candidate, view, (threshold, &key));
+            let size = [band.hours_h.rows(), band.hours_h.columns()];
+            let make = |rows: YearRows<'_>| year.finish(rows);
+            outputs.extend(super::year::write(job, &folder, (axis, size), make, &attributes)?);
+        }
         let facts = json!({ "events": analysis.events.len(), "fused": true });
         job.done(&unit, &key, &outputs, began, facts)?;
     }
@@ -132,11 +174,11 @@ mod tests {
     #[test]
     fn batches_hold_whole_segments_and_no_more_than_fits() {
         let segments = [0..2, 2..5, 5..6, 6..9];
-        let photons = [1, 1, 5, 5, 5, 1, 1, 1, 1];
-        assert_eq!(batches(&segments, &photons, 100), std::slice::from_ref(&(0..4)));
-        assert_eq!(batches(&segments, &photons, 16), [0..1, 1..3, 3..4]);
+        let entries = [1, 1, 5, 5, 5, 1, 1, 1, 1];
+        assert_eq!(batches(&segments, &entries, 100), std::slice::from_ref(&(0..4)));
+        assert_eq!(batches(&segments, &entries, 16), [0..1, 1..3, 3..4]);
         // A segment that is too large by itself is a batch by itself.
-        assert_eq!(batches(&segments, &photons, 4), [0..1, 1..2, 2..4]);
+        assert_eq!(batches(&segments, &entries, 4), [0..1, 1..2, 2..4]);
         assert!(batches(&[], &[], 4).is_empty());
     }
 }

@@ -1,4 +1,4 @@
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::time::Instant;
 
 use serde_json::json;
@@ -7,7 +7,7 @@ use super::band::{self, Band};
 use super::fused;
 use super::render::{self, attributes};
 use crate::base::Grid;
-use crate::glare::{self, Analysis};
+use crate::glare::{self, Analysis, YearRows};
 use crate::picture::exr;
 use crate::run::Error;
 use crate::run::job::{Job, Stage};
@@ -48,11 +48,12 @@ fn one(
     let began = Instant::now();
     if view.fuse {
         // Rendered before, but not analysed at this threshold.
-        let analyses = render::fused(job, candidate, view, &[threshold])?.analyses;
-        return fused::record(job, candidate, view, &analyses, began);
+        let axis = TimeAxis::from(job.timeline()?);
+        let analyses = render::fused(job, &axis, candidate, view, &[threshold])?.analyses;
+        return fused::record(job, candidate, view, &axis, analyses, began);
     }
     let volume = Volume::open(&job.folder.at(&job.folder.series(&candidate.name, &view.name)))?;
-    let spill = job.folder.at(Path::new("run"));
+    let spill = job.folder.root().to_owned();
     let mut settings = glare::Settings { threshold, spill, ..job.resolved.glare.clone() };
     if view.points.is_some() {
         // Points that follow each other in a list needn't be neighbours.
@@ -67,10 +68,14 @@ fn one(
     let band = band::count(job, candidate, view, &volume, threshold)?;
     let made = (&analysis, volume.axis(), &band);
     let mut outputs = keep(job, candidate, view, (threshold, key), made)?;
-    if view.points.is_none() {
+    if let Some(axis) = volume.axis().filter(|_| view.points.is_none()) {
         let folder = job.folder.glare(&candidate.name, &view.name, threshold, "");
         let attributes = provenance(job, candidate, view, (threshold, key));
-        outputs.extend(super::year::write(job, &folder, &volume, threshold, &attributes)?);
+        let [_, rows, columns] = volume.shape();
+        let make =
+            |rows: YearRows<'_>| glare::year(&volume, threshold, rows, job.progress).map(|_| ());
+        let of = (axis, [rows, columns]);
+        outputs.extend(super::year::write(job, &folder, of, make, &attributes)?);
     }
     let facts = json!({ "events": analysis.events.len(), "timesteps": steps });
     job.done(unit, key, &outputs, began, facts)
@@ -104,7 +109,7 @@ pub(super) fn keep(
 }
 
 /// What the files of an analysis say of where they come from.
-fn provenance(
+pub(super) fn provenance(
     job: &Job<'_>,
     candidate: &Candidate,
     view: &PlannedView,

@@ -312,7 +312,7 @@ pub(in crate::run) fn pages(job: &mut Job<'_>) -> Result<(), Error> {
             basis: timeline.basis,
             tally: traced.tally,
         };
-        let memory = job.options.memory_bytes / 2;
+        let memory = job.options.memory_bytes / 4 * 3;
         let built =
             pages::build(&job.folder.at(&spill_name), &store, &about, memory, job.progress)?;
         let facts = serde_json::to_value(&built).map_err(std::io::Error::from)?;

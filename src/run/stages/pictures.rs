@@ -1,6 +1,7 @@
 //! What people look at: each map in colours over the daylight background, one scale per quantity
 //! over all materials and views; and the ratio maps.
 
+mod confidence;
 mod marks;
 mod occurrence;
 
@@ -30,6 +31,8 @@ const LARGEST_RATIO: f64 = 10.0;
 /// A quantity that has one scale over all materials and views.
 struct Quantity {
     file: String,
+    /// Name of the picture, where it isn't that of the file.
+    picture: Option<&'static str>,
     channel: String,
     title: String,
     legend: String,
@@ -72,7 +75,8 @@ fn maps(job: &mut Job<'_>) -> Result<(), Error> {
             job.progress.check()?;
             let exr_name =
                 job.folder.map(&candidate.name, &view.name, &format!("{}.exr", quantity.file));
-            let there = job.folder.at(&exr_name).exists();
+            let noise = quantity.picture.is_some();
+            let there = job.folder.at(&exr_name).exists() && !(noise && view.direct);
             let png =
                 there.then(|| draw(job, candidate, view, quantity, &direct, &marks)).transpose()?;
             job.progress.advance(1);
@@ -155,9 +159,18 @@ fn read_rgb(job: &Job<'_>, view: &PlannedView) -> Result<Rgb, Error> {
 
 /// Every map of a kind, over all materials and views.
 fn all(job: &Job<'_>, file: &str, channel: &str) -> Result<Vec<Grid<f32>>, Error> {
+    of_views(job, file, channel, |_| true)
+}
+
+fn of_views(
+    job: &Job<'_>,
+    file: &str,
+    channel: &str,
+    which: impl Fn(&PlannedView) -> bool,
+) -> Result<Vec<Grid<f32>>, Error> {
     let mut grids = Vec::new();
     for candidate in &job.resolved.candidates {
-        for view in &job.resolved.views {
+        for view in job.resolved.views.iter().filter(|view| which(view)) {
             let name = job.folder.map(&candidate.name, &view.name, &format!("{file}.exr"));
             if job.folder.at(&name).exists() {
                 grids.push(read(job, &name, channel)?);
@@ -181,6 +194,7 @@ fn quantities(job: &Job<'_>) -> Result<Vec<Quantity>, Error> {
     let faintest = annual.min;
     out.push(Quantity {
         file: "annual".into(),
+        picture: None,
         channel: "annual.wh_m2".into(),
         title: "Energy from the PV in a year".into(),
         legend: "annual radiant exposure".into(),
@@ -192,6 +206,7 @@ fn quantities(job: &Job<'_>) -> Result<Vec<Quantity>, Error> {
     let peak = all(job, "peak", peak_channel)?;
     out.push(Quantity {
         file: "peak".into(),
+        picture: None,
         channel: peak_channel.into(),
         title: "Strongest irradiance from the PV".into(),
         legend: format!("largest irradiance {what}"),
@@ -207,6 +222,7 @@ fn quantities(job: &Job<'_>) -> Result<Vec<Quantity>, Error> {
         let ratio = all(job, "ratio", "ratio")?;
         out.push(Quantity {
             file: "ratio".into(),
+            picture: None,
             channel: "ratio".into(),
             title: format!("Energy in a year compared with {name}"),
             legend: format!("ratio to {name}"),
@@ -245,6 +261,7 @@ fn quantities(job: &Job<'_>) -> Result<Vec<Quantity>, Error> {
         for &t in &resolved.project.glare.thresholds_w_m2 {
             out.push(Quantity {
                 file: paths(t),
+                picture: None,
                 channel: format!("{file}.h"),
                 title: format!("{title} above {t} {watts}"),
                 legend: format!("time above {t} {watts}"),
@@ -256,6 +273,7 @@ fn quantities(job: &Job<'_>) -> Result<Vec<Quantity>, Error> {
         }
     }
     unfiltered(job, watts, what, &mut out)?;
+    confidence::quantities(job, (watts, &hours_unit, what), &mut out)?;
     Ok(out)
 }
 
@@ -283,6 +301,7 @@ fn unfiltered(
         for t in thresholds {
             out.push(Quantity {
                 file: format!("glare-{t}/unfiltered/{file}"),
+                picture: None,
                 channel: channel.into(),
                 title: format!("{title} above {t} {watts}"),
                 legend: format!("above {t} {watts}"),
@@ -316,6 +335,7 @@ fn unfiltered(
             scale::nice_ceiling(scale::percentile(&all(job, &file, channel)?, COVERED).max(1e-6));
         out.push(Quantity {
             file,
+            picture: None,
             channel: channel.into(),
             title: title.into(),
             legend: legend.into(),
@@ -394,7 +414,10 @@ fn draw(
         figure.watermark = Some("draft, not for assessment".into());
     }
     marks.put_on(&mut figure);
-    let path = name("png");
+    let path = match quantity.picture {
+        Some(picture) => name("exr").with_file_name(format!("{picture}.png")),
+        None => name("png"),
+    };
     figure.write_png(&job.folder.at(&path), &texts(job))?;
     Ok(path)
 }

@@ -15,7 +15,7 @@ use crate::run::cpu::Watch;
 use crate::run::job::{Job, Stage};
 use crate::run::manifest::key_of;
 use crate::run::resolve::{Candidate, PlannedView};
-use crate::volume::{self, Volume, Writer};
+use crate::volume::{self, TimeAxis, Volume, Writer};
 
 /// Suns that light the background picture: enough for soft shadows of a year.
 const BACKGROUND_SUNS: usize = 24;
@@ -127,9 +127,11 @@ fn maps(job: &mut Job<'_>, candidate: &Candidate, view: &PlannedView) -> Result<
     let watch = Watch::start();
     let (series, written) = if view.fuse {
         let thresholds = &job.resolved.project.glare.thresholds_w_m2;
-        let made = super::fused::analyse(job, made_from, &series_gather(job, view)?, thresholds)?;
+        let axis = TimeAxis::from(job.timeline()?);
+        let gather = series_gather(job, view)?;
+        let made = super::fused::analyse(job, &axis, view, made_from, &gather, thresholds)?;
         job.progress.finish();
-        super::fused::record(job, candidate, view, &made.analyses, began)?;
+        super::fused::record(job, candidate, view, &axis, made.analyses, began)?;
         let name = job.folder.map(&candidate.name, &view.name, "peak.exr");
         let channel = peak_channel(job.resolved.quantity);
         let path = job.folder.prepare(&name)?;
@@ -173,17 +175,19 @@ fn maps(job: &mut Job<'_>, candidate: &Candidate, view: &PlannedView) -> Result<
 }
 
 /// Analyses a fused view again.
-pub(super) fn fused(
+pub(super) fn fused<'a>(
     job: &Job<'_>,
+    axis: &'a TimeAxis,
     candidate: &Candidate,
     view: &PlannedView,
     thresholds: &[f64],
-) -> Result<super::fused::Made, Error> {
+) -> Result<super::fused::Made<'a>, Error> {
     let hits = read_hits(job, view)?;
     let store = open_store(job, candidate)?;
     let gather = series_gather(job, view)?;
     let surfaces = gather.edges.then(|| job.site().map(Surfaces::of)).transpose()?;
-    super::fused::analyse(job, (&store, surfaces.as_ref(), &hits), &gather, thresholds)
+    let from = (&store, surfaces.as_ref(), &hits);
+    super::fused::analyse(job, axis, view, from, &gather, thresholds)
 }
 
 fn open_store(job: &Job<'_>, candidate: &Candidate) -> Result<Store, Error> {

@@ -1,22 +1,26 @@
 //! What the rules say of a view: its largest durations held against each limit, and how much of
 //! the view lies above it.
 
+use super::band::{self, Band};
 use super::pictures::read;
 use super::render::read_hits;
 use crate::base::Grid;
-use crate::glare::rules::{Limit, Measured, Metrics, Outcome, Profile, Quantity};
+use crate::glare::rules::{Judged, Limit, Measured, Metrics, Outcome, Profile, Quantity};
 use crate::report::Table;
 use crate::run::Error;
 use crate::run::job::Job;
 use crate::run::resolve::{Candidate, PlannedView};
 
 /// One duration map in the unit that limits use.
+#[derive(Clone)]
 struct Duration {
     quantity: Quantity,
     /// None for rules that name no irradiance.
     threshold_w_m2: Option<f64>,
     filtered: bool,
     map: Grid<f32>,
+    /// Of hours of the year what noise leaves open.
+    band: Option<Band>,
 }
 
 /// A row for each material, rule and limit.
@@ -39,12 +43,20 @@ pub(super) fn table(job: &Job<'_>, view: &PlannedView) -> Result<Option<Table>, 
             class: None,
             measured: durations
                 .iter()
-                .map(|d| Measured {
-                    quantity: d.quantity,
-                    threshold_w_m2: d.threshold_w_m2,
-                    filtered: d.filtered,
-                    value: f64::from(super::report::largest(&d.map)),
-                    band: None,
+                .map(|d| {
+                    let value = f64::from(super::report::largest(&d.map));
+                    let largest = |map: &Grid<f32>| f64::from(super::report::largest(map));
+                    let band = d.band.as_ref().map(|band| {
+                        // The filter makes noise smaller: the band holds the filtered value, too.
+                        [largest(&band.low_h).min(value), largest(&band.high_h).max(value)]
+                    });
+                    Measured {
+                        quantity: d.quantity,
+                        threshold_w_m2: d.threshold_w_m2,
+                        filtered: d.filtered,
+                        value,
+                        band,
+                    }
                 })
                 .collect(),
             conditions: super::judged::conditions(job),
@@ -66,6 +78,7 @@ fn durations(
     let lowest = g.thresholds_w_m2.iter().copied().fold(f64::INFINITY, f64::min);
     let mut out = Vec::new();
     for &threshold in &g.thresholds_w_m2 {
+        let band = band::read(job, candidate, view, threshold)?;
         for (file, channel, filtered, quantity, factor) in [
             ("cumulative", "cumulative.h", filter, Quantity::AnnualH, 1.0),
             ("sustained", "sustained.h", filter, Quantity::SustainedMin, 60.0),
@@ -77,11 +90,13 @@ fn durations(
             let exr =
                 job.folder.glare(&candidate.name, &view.name, threshold, &format!("{file}.exr"));
             let map = read(job, &exr, channel)?.map(|h| h * factor);
+            let band = (quantity == Quantity::AnnualH).then(|| band.clone());
+            let threshold_w_m2 = Some(threshold);
+            let duration = Duration { quantity, threshold_w_m2, filtered, map, band };
             if threshold == lowest {
-                let threshold_w_m2 = None;
-                out.push(Duration { quantity, threshold_w_m2, filtered, map: map.clone() });
+                out.push(Duration { threshold_w_m2: None, ..duration.clone() });
             }
-            out.push(Duration { quantity, threshold_w_m2: Some(threshold), filtered, map });
+            out.push(duration);
         }
     }
     Ok(out)
@@ -104,34 +119,48 @@ fn rows(
     let decides = |(limit, _): &(&Limit, _)| !limit.only_informs;
     for (limit, judged) in profile.limits.iter().zip(&verdict.limits).filter(decides) {
         let share = share_above(limit, durations, receivers).filter(|_| judged.value.is_some());
+        let unit = limit.quantity.unit();
+        let value = judged.value.map(|value| match judged.band.filter(|[low, high]| low < high) {
+            Some([low, high]) => format!("{value:.1} {unit} ({low:.1} to {high:.1})"),
+            None => format!("{value:.1} {unit}"),
+        });
         table.rows.push(vec![
             candidate.name.clone(),
             profile.id.clone(),
             limit.id.clone(),
-            judged
-                .value
-                .map_or_else(|| "–".into(), |v| format!("{v:.1} {}", limit.quantity.unit())),
-            format!("{} {}", limit.value, limit.quantity.unit()),
-            words(judged.outcome).to_owned(),
-            share.map_or_else(|| "–".into(), |s| format!("{:.2} %", 100.0 * s)),
+            value.unwrap_or_else(|| "–".into()),
+            format!("{} {unit}", limit.value),
+            words(judged).to_owned(),
+            share.unwrap_or_else(|| "–".into()),
         ]);
     }
 }
 
-/// Share of the pixels that can receive light where the limit is exceeded.
-fn share_above(limit: &Limit, durations: &[Duration], receivers: usize) -> Option<f64> {
+/// Share of the pixels that can receive light where the limit is exceeded, and of those where
+/// noise decides.
+fn share_above(limit: &Limit, durations: &[Duration], receivers: usize) -> Option<String> {
     let fits = |d: &&Duration| {
         d.quantity == limit.quantity
             && d.threshold_w_m2 == limit.threshold_w_m2
             && d.filtered == limit.filtered
     };
-    let map = &durations.iter().find(fits)?.map;
-    let above = map.data().iter().filter(|v| f64::from(**v) > limit.value).count();
-    Some(above as f64 / receivers.max(1) as f64)
+    let found = durations.iter().find(fits)?;
+    let percent = |count: usize| format!("{:.2} %", 100.0 * count as f64 / receivers.max(1) as f64);
+    let above = found.map.data().iter().filter(|v| f64::from(**v) > limit.value).count();
+    let Some(band) = &found.band else { return Some(percent(above)) };
+    let columns = found.map.columns();
+    let open = (0..found.map.data().len())
+        .filter(|i| band.exceeds((i % columns, i / columns), limit.value as f32).is_none())
+        .count();
+    Some(format!("{}, {} undecided", percent(above), percent(open)))
 }
 
-fn words(outcome: Outcome) -> &'static str {
-    match outcome {
+fn words(judged: &Judged) -> &'static str {
+    let decides = matches!(judged.outcome, Outcome::Exceeded | Outcome::Kept);
+    if decides && !judged.certain {
+        return "undecided: the noise reaches over the limit";
+    }
+    match judged.outcome {
         Outcome::Exceeded => "exceeded somewhere",
         Outcome::Kept => "kept everywhere",
         Outcome::Excused => "excused by another limit",

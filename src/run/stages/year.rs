@@ -7,11 +7,11 @@ use std::path::{Path, PathBuf};
 use glintmap_formats::npy;
 
 use crate::base::Grid;
-use crate::glare::{self, YearMap};
+use crate::glare::{self, YearMap, YearRows};
 use crate::picture::exr;
 use crate::run::Error;
 use crate::run::job::Job;
-use crate::volume::Volume;
+use crate::volume::TimeAxis;
 
 /// The channel of a map's EXR: what it is, then its unit.
 pub(super) fn channel(map: YearMap) -> String {
@@ -29,16 +29,14 @@ pub(super) fn channel(map: YearMap) -> String {
 }
 
 /// Writes the maps of the year into `unfiltered/` below `folder` (a name below `run/`), each as
-/// `.npy` (float32) and `.exr`. A month without glare has no map. Memory holds one map at a time.
+/// `.npy` (float32) and `.exr`; `make` hands them on. A month without glare has no map. Memory holds one map at a time.
 pub(super) fn write(
     job: &Job<'_>,
     folder: &Path,
-    volume: &Volume,
-    threshold: f64,
+    (axis, [rows, columns]): (&TimeAxis, [usize; 2]),
+    make: impl FnOnce(YearRows<'_>) -> Result<(), glare::Error>,
     attributes: &[(String, String)],
 ) -> Result<Vec<PathBuf>, Error> {
-    let Some(axis) = volume.axis() else { return Ok(Vec::new()) };
-    let [_, rows, columns] = volume.shape();
     let maps = YearMap::all(axis);
     let name = |map: YearMap, extension: &str| {
         folder.join("unfiltered").join(format!("{}.{extension}", map.name()))
@@ -52,7 +50,7 @@ pub(super) fn write(
         let at = maps.iter().position(|m| *m == map).unwrap_or(0);
         writers[at].push(band).map_err(io::Error::other)
     };
-    glare::year(volume, threshold, &mut push, job.progress)?;
+    make(&mut push)?;
     let mut outputs = Vec::new();
     for (writer, map) in writers.into_iter().zip(&maps) {
         writer.finish()?;

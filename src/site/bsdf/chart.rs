@@ -4,6 +4,7 @@ use glam::DVec3;
 
 use super::circle::on_hemisphere;
 use super::file::Table;
+use super::rough::{self, Glass};
 use super::scatter::PvGlass;
 use super::{Bsdf, Cone, Measured, Scattered, fresnel};
 use crate::base::Stream;
@@ -72,7 +73,7 @@ impl Square {
     }
 
     /// Lower left and upper right corner.
-    fn corners(self) -> ([f64; 2], [f64; 2]) {
+    pub(super) fn corners(self) -> ([f64; 2], [f64; 2]) {
         let edge = self.edge();
         let low = [f64::from(self.x) * edge, f64::from(self.y) * edge];
         (low, low.map(|a| a + edge))
@@ -106,6 +107,7 @@ impl Bsdf {
             Self::Lambertian { .. } => &[Chart::Hemisphere],
             Self::Mirror { .. } | Self::Glass { .. } => &[Chart::Mirrored],
             Self::PvGlass(_) => &[Chart::Facets, Chart::Hemisphere],
+            Self::Facets(facets) => facets.charts(),
             Self::Measured(measured) => match measured.table() {
                 Table::Matrix(_) => &[Chart::Hemisphere],
                 Table::Tree(_) => &[Chart::Cells],
@@ -136,14 +138,15 @@ impl Bsdf {
             (_, Chart::Whole) => None,
             (_, Chart::Mirrored) => {
                 let out = DVec3::new(-incident.x, -incident.y, incident.z);
-                Some((out, self.reflectance(incident)))
+                Some((out, self.mirrored(incident)))
             }
             (Self::Lambertian { reflectance }, _) => {
                 Some((on_hemisphere(at.0, at.1), *reflectance))
             }
             (Self::PvGlass(glass), Chart::Facets) => {
-                glass.facet_density(incident, at.0, at.1, least)
+                rough::density(glass.ggx, &Glass(glass.index), incident, at, least)
             }
+            (Self::Facets(facets), chart) => facets.density(chart, incident, at, least),
             (Self::PvGlass(glass), _) => Some(glass.ground_density(incident, at.0, at.1)),
             (Self::Measured(measured), _) => measured.density(square, incident, u, v),
             #[allow(unreachable_patterns, reason = "models without lobes are drawn as a whole")]
@@ -192,10 +195,8 @@ impl Bsdf {
                 }
             }
             (Self::Measured(measured), Chart::Cells) => measured.reach(square, from),
-            (Self::PvGlass(glass), Chart::Facets) => {
-                let facets = glass.facets_within(square, from);
-                mirrored(&facets, from)
-            }
+            (Self::PvGlass(PvGlass { ggx, .. }), Chart::Facets) => rough::reach(*ggx, square, from),
+            (Self::Facets(facets), Chart::Facets) => facets.reach(square, from),
             _ => Cone::ALL,
         }
     }
@@ -207,6 +208,7 @@ impl Bsdf {
         match (self, chart) {
             (Self::Lambertian { .. }, Chart::Hemisphere) => Some(high),
             (Self::PvGlass(glass), Chart::Hemisphere) => Some(high * glass.passes(high)),
+            (Self::Facets(facets), Chart::Hemisphere) => Some(high * facets.entering(from)),
             _ => None,
         }
     }
@@ -219,12 +221,16 @@ impl Bsdf {
             return 0.0;
         }
         let most = match (self, square.chart) {
-            (_, Chart::Whole | Chart::Mirrored) | (Self::Lambertian { .. }, _) => {
+            (Self::Lambertian { .. }, _) | (_, Chart::Whole) => self.bound_between(low, high),
+            (Self::Mirror { .. } | Self::Glass { .. }, Chart::Mirrored) => {
                 self.bound_between(low, high)
             }
-            (Self::PvGlass(glass), Chart::Facets) => glass.facets_most(square, from),
+            (Self::Facets(facets), _) => facets.most(square, from),
+            (Self::PvGlass(glass), Chart::Facets) => {
+                rough::most(glass.ggx, &Glass(glass.index), square, from)
+            }
             (Self::PvGlass(glass), _) => {
-                let nearest = (1.0 - square.corners().0[0]).sqrt();
+                let nearest = rough::cosines(square).1;
                 let (entering, leaving) = (glass.passes(high), glass.passes(nearest));
                 glass.diffuse * entering * leaving
             }
@@ -236,14 +242,6 @@ impl Bsdf {
     }
 }
 
-/// Directions that facets of a cone reflect light from another one into. Turning a facet turns
-/// the reflection by twice the angle at most; turning the incident direction, by as much.
-fn mirrored(facets: &Cone, from: &Cone) -> Cone {
-    let (half, light) = (facets.axis, from.axis);
-    let angle_rad = 2.0 * facets.angle_rad + from.angle_rad;
-    Cone::new((half * (2.0 * half.dot(light)) - light).normalize(), angle_rad)
-}
-
 impl PvGlass {
     /// Share that passes the interface.
     #[inline]
@@ -252,47 +250,9 @@ impl PvGlass {
     }
 
     #[inline]
-    fn facet_density(&self, incident: DVec3, u: f64, v: f64, least: f64) -> Option<(DVec3, f64)> {
-        let half = self.ggx.facet(incident, u, v);
-        let cos = incident.dot(half);
-        let out = half * (2.0 * cos) - incident;
-        if out.z <= 0.0 {
-            return None;
-        }
-        let value = fresnel::reflectance(cos, self.index);
-        if value <= least {
-            return None;
-        }
-        Some((out.normalize(), value * self.ggx.seen_back(incident, out)))
-    }
-
-    #[inline]
     fn ground_density(&self, incident: DVec3, u: f64, v: f64) -> (DVec3, f64) {
         let out = on_hemisphere(u, v);
         (out, self.diffuse * self.passes(incident.z) * self.passes(out.z))
-    }
-
-    fn facets_within(&self, square: Square, from: &Cone) -> Cone {
-        let (low, high) = square.corners();
-        self.ggx.facets_within([low[0], high[0]], [low[1], high[1]], from)
-    }
-
-    /// Upper bound of the facets' density: Fresnel's reflectance grows with the angle of
-    /// incidence, and the more upright a direction is, the more facets see it.
-    fn facets_most(&self, square: Square, from: &Cone) -> f64 {
-        let facets = self.facets_within(square, from);
-        let out = mirrored(&facets, from).heights().1;
-        if out <= 0.0 {
-            return 0.0;
-        }
-        let between = facets.axis.dot(from.axis).clamp(-1.0, 1.0);
-        let angle = libm::acos(between) + facets.angle_rad + from.angle_rad;
-        let steepest = libm::cos(angle.min(0.5 * PI)).max(0.0);
-        let low = from.heights().0;
-        // No facet that reflects upwards is met at a larger angle.
-        let value = fresnel::reflectance(steepest, self.index)
-            .min(fresnel::facet_bound(low.max(0.0), self.index));
-        value * if low > 0.0 { self.ggx.seen_back_most(low, out) } else { 1.0 }
     }
 }
 
@@ -389,6 +349,12 @@ mod tests {
     use super::super::{Model, on_circle};
     use super::*;
     use crate::base::{Frame, Purpose};
+    use crate::site::bsdf::Coating;
+
+    fn coated(ggx_alpha: f64) -> Model {
+        let coating = Some(Coating { index: 1.27, thickness_nm: 118.0 });
+        Model::CoatedGlass { index: 1.52, ggx_alpha, cell_reflectance: 0.05, coating }
+    }
 
     fn kinds() -> Vec<Bsdf> {
         let mut out: Vec<Bsdf> = [
@@ -398,6 +364,10 @@ mod tests {
             Model::PvGlass { index: 1.52, ggx_alpha: 0.001, cell_reflectance: 0.0 },
             Model::PvGlass { index: 1.52, ggx_alpha: 0.05, cell_reflectance: 0.04 },
             Model::PvGlass { index: 1.3, ggx_alpha: 0.5, cell_reflectance: 0.3 },
+            coated(0.0),
+            coated(0.03),
+            coated(0.4),
+            Model::Metal { index: 0.96, extinction: 6.69, ggx_alpha: 0.25 },
         ]
         .iter()
         .map(|model| Bsdf::from_model(model).expect("valid"))

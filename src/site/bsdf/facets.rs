@@ -4,10 +4,13 @@ use std::f64::consts::FRAC_1_PI;
 
 use glam::DVec3;
 
+use super::chart::{Chart, Square};
 use super::circle::on_hemisphere;
+use super::cone::Cone;
 use super::curve::Curve;
 use super::ggx::Ggx;
 use super::interface::{Coating, Interface};
+use super::rough;
 use crate::base::Stream;
 
 /// `f = D(h) G2(i, o) R(i.h) / (4 cos_i cos_o) + k a(i) a(o) / pi`: GGX facets of any interface
@@ -149,6 +152,53 @@ impl Facets {
             let out = on_hemisphere(u, v);
             let alive = (stake - lobe) * self.ground_most < ground * self.ground.at(out.z);
             (out.z > 0.0 && alive).then_some(out)
+        }
+    }
+
+    /// See [`Bsdf::charts`](super::Bsdf::charts), and so on.
+    pub(super) fn charts(&self) -> &'static [Chart] {
+        match (self.ggx, self.strength > 0.0) {
+            (Some(_), _) => &[Chart::Facets, Chart::Hemisphere],
+            (None, true) => &[Chart::Mirrored, Chart::Hemisphere],
+            (None, false) => &[Chart::Mirrored],
+        }
+    }
+
+    #[inline]
+    pub(super) fn density(
+        &self,
+        chart: Chart,
+        incident: DVec3,
+        at: (f64, f64),
+        least: f64,
+    ) -> Option<(DVec3, f64)> {
+        if let (Chart::Facets, Some(ggx)) = (chart, self.ggx) {
+            return rough::density(ggx, &self.interface, incident, at, least);
+        }
+        let out = on_hemisphere(at.0, at.1);
+        Some((out, self.strength * self.ground.at(incident.z) * self.ground.at(out.z)))
+    }
+
+    pub(super) fn reach(&self, square: Square, from: &Cone) -> Cone {
+        self.ggx.map_or(Cone::ALL, |ggx| rough::reach(ggx, square, from))
+    }
+
+    /// The most that enters the ground of light from `from`.
+    pub(super) fn entering(&self, from: &Cone) -> f64 {
+        let (low, high) = from.heights();
+        self.ground.most(low, high)
+    }
+
+    pub(super) fn most(&self, square: Square, from: &Cone) -> f64 {
+        let (low, high) = from.heights();
+        match (square.chart, self.ggx) {
+            (Chart::Facets, Some(ggx)) => rough::most(ggx, &self.interface, square, from),
+            (Chart::Mirrored, _) => self.interface.most(low, high),
+            (Chart::Hemisphere, _) => {
+                let (low, high) = rough::cosines(square);
+                self.strength * self.entering(from) * self.ground.most(low, high)
+            }
+            _ => self.bound_between(low, high),
         }
     }
 

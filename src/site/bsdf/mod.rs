@@ -30,6 +30,7 @@ mod mixture;
 mod model;
 mod numbers;
 pub mod presets;
+mod rough;
 mod scatter;
 mod scattered;
 mod source;

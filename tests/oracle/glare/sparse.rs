@@ -19,26 +19,35 @@ impl Slices for Knowing {
         self.0.shape()
     }
 
-    fn read(&self, range: Range<usize>, out: &mut [f32]) -> Result<(), ReadFailure> {
-        self.0.read(range, out)
+    fn read(
+        &self,
+        range: Range<usize>,
+        rows: Range<usize>,
+        out: &mut [f32],
+    ) -> Result<(), ReadFailure> {
+        self.0.read(range, rows, out)
     }
 
     fn read_lit(
         &self,
         range: Range<usize>,
+        picked: Range<usize>,
         out: &mut [f32],
         lit: &mut [bool],
     ) -> Result<(), ReadFailure> {
         let [_, rows, columns] = self.shape();
-        let (down, across) = (rows.div_ceil(TILE_EDGE), columns.div_ceil(TILE_EDGE));
+        let across = columns.div_ceil(TILE_EDGE);
+        assert!(picked.start.is_multiple_of(TILE_EDGE));
+        assert!(picked.end == rows || picked.end.is_multiple_of(TILE_EDGE));
+        let (down, tall) = (picked.len().div_ceil(TILE_EDGE), picked.len());
         assert_eq!(lit.len(), range.len() * down * across);
         for (slice, timestep) in range.enumerate() {
-            let from = &self.0.data[timestep * rows * columns..][..rows * columns];
-            let out = &mut out[slice * rows * columns..][..rows * columns];
+            let from = &self.0.data[(timestep * rows + picked.start) * columns..][..tall * columns];
+            let out = &mut out[slice * tall * columns..][..tall * columns];
             for tile in 0..down * across {
                 let flag = &mut lit[slice * down * across + tile];
                 let (row, column) = (tile / across * TILE_EDGE, tile % across * TILE_EDGE);
-                let places = (row..(row + TILE_EDGE).min(rows)).flat_map(|y| {
+                let places = (row..(row + TILE_EDGE).min(tall)).flat_map(|y| {
                     (column..(column + TILE_EDGE).min(columns)).map(move |x| y * columns + x)
                 });
                 let places: Vec<usize> = places.collect();

@@ -32,9 +32,17 @@ impl Slices for Memory {
         self.shape
     }
 
-    fn read(&self, range: Range<usize>, out: &mut [f32]) -> Result<(), ReadFailure> {
-        let slice = self.shape[1] * self.shape[2];
-        out.copy_from_slice(&self.data[range.start * slice..range.end * slice]);
+    fn read(
+        &self,
+        range: Range<usize>,
+        picked: Range<usize>,
+        out: &mut [f32],
+    ) -> Result<(), ReadFailure> {
+        let [_, rows, columns] = self.shape;
+        for (timestep, out) in range.zip(out.chunks_exact_mut(picked.len() * columns)) {
+            let first = (timestep * rows + picked.start) * columns;
+            out.copy_from_slice(&self.data[first..first + out.len()]);
+        }
         Ok(())
     }
 

@@ -259,7 +259,7 @@ fn batches_are_the_written_series() {
     for quantity in [Quantity::Surface, Quantity::Normal] {
         let sink = Tiles::default();
         let written = series(&store, None, &hits, &settings(150), quantity, &sink, &Silent);
-        let fused = Fused::prepare(&store, None, &hits, &settings(150), quantity, &Silent);
+        let fused = Fused::prepare(&store, None, &hits, &settings(150), (quantity, None), &Silent);
         let fused = fused.expect("prepares");
         assert_eq!(fused.series, written.expect("gathers"));
         let mut joined: BTreeMap<TileRect, Vec<SeriesEntry>> = BTreeMap::new();
@@ -273,7 +273,7 @@ fn batches_are_the_written_series() {
                 assert!(values.iter().all(|e| range.contains(&e.timestep)));
                 joined.entry(tile).or_default().extend(values);
             }
-            let bound: u64 = range.map(|t| fused.photons[t as usize]).sum();
+            let bound: u64 = range.map(|t| fused.entries[t as usize]).sum();
             assert!(here <= bound, "{here} entries, at most {bound} were promised");
             entries += here;
         }

@@ -79,9 +79,7 @@ impl TileSink for YearTiles<'_> {
     }
 
     fn put(&self, tile: TileRect, entries: &[SeriesEntry]) -> Result<(), SinkError> {
-        let wrong = |what: String| {
-            SinkError::Io(io::Error::new(io::ErrorKind::InvalidInput, what))
-        };
+        let wrong = |what: String| SinkError::Io(io::Error::new(io::ErrorKind::InvalidInput, what));
         let Some(number) = self.tiles.iter().position(|t| *t == tile) else {
             return Err(wrong(format!("{tile:?} is no tile of the picture")));
         };

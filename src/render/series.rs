@@ -5,8 +5,8 @@ use rayon::prelude::*;
 
 use super::candidates::Change;
 use super::fixed::square;
-use super::loaded::Light;
 use super::gather::{Fluxes, rounded, weighed};
+use super::loaded::Light;
 use super::order::Order;
 use super::share::{Beam, Found, Scratch, Shared};
 use super::surfaces::Surfaces;

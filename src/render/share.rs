@@ -446,8 +446,7 @@ impl<'a> Shared<'a> {
                             last = bound.full.then_some(Last { point, radius_m: exact_m });
                             guess_m = exact_m.max(reach_m / 64.0);
                             let kernel = self.gather.kernel;
-                            let share =
-                                |r| mask.map_or(1.0, |m: &Mask| m.share(point, r, kernel));
+                            let share = |r| mask.map_or(1.0, |m: &Mask| m.share(point, r, kernel));
                             break Some(self.disc(bound, share));
                         }
                         Answer::LoadMore => break None,

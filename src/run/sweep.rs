@@ -238,9 +238,10 @@ fn exceeded(axis: &TimeAxis, lit: impl Fn(usize) -> bool) -> Exceeded {
             _ => days.push((day, date(day), axis.step_h * 60.0, hour, hour)),
         }
     }
-    let dates = days.first().zip(days.last()).map(|(first, last)| {
-        [first.1.clone(), last.1.clone(), date(glare.longest_day)]
-    });
+    let dates = days
+        .first()
+        .zip(days.last())
+        .map(|(first, last)| [first.1.clone(), last.1.clone(), date(glare.longest_day)]);
     Exceeded { glare, dates, days }
 }
 

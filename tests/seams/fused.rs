@@ -28,9 +28,15 @@ fn a_fused_view_gives_what_the_series_gives() {
                 let name = format!("glare-{threshold}/{file}");
                 assert!(of(&written, &name) == of(&fused, &name), "{name} at {memory}");
             }
-            for file in ["above_h", "days", "longest_run_h", "longest_day_h", "first_hour",
-                "exceeded_30min_w_m2", "exceeded_50h_w_m2"]
-            {
+            for file in [
+                "above_h",
+                "days",
+                "longest_run_h",
+                "longest_day_h",
+                "first_hour",
+                "exceeded_30min_w_m2",
+                "exceeded_50h_w_m2",
+            ] {
                 let name = format!("glare-{threshold}/unfiltered/{file}.npy");
                 assert!(of(&written, &name) == of(&fused, &name), "{name} at {memory}");
             }

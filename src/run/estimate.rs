@@ -12,7 +12,7 @@ use crate::site::bsdf::{Bsdf, Term};
 /// Rates on two cores at 2.5 GHz, from which times are expected. They are rough: the share of
 /// photons that land decides most, and it is known only after a pilot.
 mod rate {
-    pub const STORED_PER_S: f64 = 150_000.0;
+    pub const STORED_PER_S: f64 = 300_000.0;
     pub const SORTED_PER_S: f64 = 2_000_000.0;
     pub const ANNUAL_NEIGHBOURS_PER_S: f64 = 20e6;
     pub const SERIES_NEIGHBOURS_PER_S: f64 = 40e6;
@@ -32,9 +32,11 @@ mod rate {
     pub const PICTURE_PIXELS_PER_S: f64 = 2e6;
 }
 
-/// Bytes of a photon while it waits to be sorted, and in the store.
+/// Bytes of a photon while it waits on disk to be sorted, and in the store.
 mod size {
     pub const SPILLED: f64 = 15.0;
+    /// In memory while it is sorted.
+    pub const SORTED: f64 = 96.0;
     pub const STORED: f64 = 12.0;
     pub const STORED_BOUND: f64 = 24.0;
     /// Of a series value that isn't zero, compressed.
@@ -202,7 +204,7 @@ pub fn estimate(resolved: &Resolved, memory_bytes: u64) -> Result<Estimate, Erro
             photons(stored),
             all,
             (stored * size::SPILLED, stored * size::SPILLED * 1.02),
-            200e6 + (stored * size::SPILLED).min(budget / 4.0),
+            200e6 + (stored * 30.0).min(budget / 16.0),
             all / rate::STORED_PER_S,
         ),
         stage(
@@ -210,7 +212,7 @@ pub fn estimate(resolved: &Resolved, memory_bytes: u64) -> Result<Estimate, Erro
             photons(stored),
             all,
             (all * size::STORED, all * size::STORED_BOUND),
-            (stored * 2.0 * size::SPILLED).min(budget / 2.0),
+            (stored * size::SORTED).min(budget * 0.75),
             all / rate::SORTED_PER_S,
         ),
         stage(

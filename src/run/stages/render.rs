@@ -234,7 +234,7 @@ fn written(
 }
 
 /// Names of the series and the peak of a quantity.
-fn names(job: &Job<'_>, quantity: Quantity) -> (&'static str, &'static str) {
+pub(super) fn names(job: &Job<'_>, quantity: Quantity) -> (&'static str, &'static str) {
     match quantity {
         _ if quantity == job.resolved.quantity => ("series.zarr", "peak.exr"),
         Quantity::Surface => ("series_surface.zarr", "peak_surface.exr"),

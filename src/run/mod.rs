@@ -25,6 +25,7 @@ mod set;
 mod shard;
 mod site_plan;
 mod stages;
+pub mod sweep;
 mod units;
 mod verify;
 mod words;

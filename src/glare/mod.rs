@@ -6,6 +6,8 @@
 //! `tools/oracles/glare_reference.py` (SciPy, the whole volume in memory): the same integers, and
 //! the same bits of the filtered volume.
 //!
+#![doc = include_str!("../docs/glare.md")]
+//!
 //! [`Slices`] → `smooth` → `threshold` → `label` → `duration`, `event`; `rules` judge.
 
 mod counts;

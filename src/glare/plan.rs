@@ -20,7 +20,7 @@ const SMALL_BLOCK_BYTES: u64 = 4 << 20;
 /// Bytes for what is found in a voxel of a strip, however noisy.
 const FOUND_BYTES: usize = 8;
 /// Bytes that may be kept in memory at most of what could be spilled.
-const MAX_SPILL_BYTES: u64 = 32 << 20;
+const MAX_SPILL_BYTES: u64 = 64 << 20;
 
 /// How an analysis is cut into steps. Any plan gives the same result.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]

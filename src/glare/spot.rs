@@ -22,7 +22,7 @@ pub struct SpotGlare {
     pub longest_day_h: f64,
     /// That day, 0 is 1 January; the first of several.
     pub longest_day: u32,
-    /// The earliest and the latest clock time with glare, local standard time, h.
+    /// The earliest and the latest clock time with glare, h, as the axis has hours.
     pub between_h: Option<[f64; 2]>,
     /// Hours of each month, h.
     pub months_h: [f64; 12],

@@ -150,6 +150,8 @@ pub struct Reader<'a> {
     pub volume: &'a Volume,
     /// Of the volume.
     pub axis: &'a TimeAxis,
+    /// The same, its hours those that clocks show.
+    pub civil: &'a TimeAxis,
     /// Of the material.
     pub store: &'a Store,
     /// Photons of the series' search.
@@ -199,7 +201,7 @@ impl Reader<'_> {
             self.bands(group, &points, i, at)?;
             let threshold = at.threshold_w_m2 as f32;
             let dazzles = |t: usize| self.counts[t] && strongest[t] > threshold;
-            at.anywhere = spot(self.axis, dazzles);
+            at.anywhere = spot(self.civil, dazzles);
             let mut all = runs(self.axis, dazzles);
             all.sort_by_key(|r| (std::cmp::Reverse(r.last - r.first), r.first));
             all.truncate(EPISODES);
@@ -247,7 +249,7 @@ impl Reader<'_> {
             .fold((0.0f32, 0), |most, (t, v)| if *v > most.0 { (*v, t) } else { most });
         let glare = |threshold: &f64| {
             let threshold = *threshold as f32;
-            spot(self.axis, |t| self.counts[t] && series[t] > threshold)
+            spot(self.civil, |t| self.counts[t] && series[t] > threshold)
         };
         Ok(PointReceived {
             peak,
@@ -450,7 +452,7 @@ impl Reader<'_> {
                 None => value,
             }
         };
-        Ok([-BAND, BAND].map(|by| spot(self.axis, |t| self.counts[t] && moved(t, by) > threshold)))
+        Ok([-BAND, BAND].map(|by| spot(self.civil, |t| self.counts[t] && moved(t, by) > threshold)))
     }
 }
 

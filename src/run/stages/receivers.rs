@@ -108,6 +108,8 @@ fn one(
     let options = OpenOptions { cache_bytes: job.options.page_cache_bytes, access: Access::Mapped };
     let store = Store::open(&job.folder.at(&job.folder.store(&candidate.name)), &options)?;
     let axis = TimeAxis::from(job.timeline()?);
+    let clock = Clock::new(&job.resolved.project.site, axis.year);
+    let civil = TimeAxis { hour: clock.hours(&axis), ..axis.clone() };
     let steps = axis.day.len();
     let bandwidth = set.series_bandwidth.unwrap_or_else(|| (3 * steps).max(4000));
     let annual = read(job, &map("annual.exr"), "annual.wh_m2")?;
@@ -127,6 +129,7 @@ fn one(
         hits: &hits,
         volume: &volume,
         axis: &axis,
+        civil: &civil,
         store: &store,
         bandwidth,
         max_radius_m: set.annual.max_radius_m.unwrap_or_else(|| store.max_radius_m(bandwidth)),
@@ -135,7 +138,6 @@ fn one(
         filtered: &filtered,
         counts: vec![true; steps],
     };
-    let clock = Clock::new(&job.resolved.project.site, axis.year);
     let mut outputs = Vec::new();
     let mut all = Received::default();
     let mut table = sheet::head(thresholds);

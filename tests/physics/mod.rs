@@ -8,6 +8,7 @@ mod bsdf_write;
 mod case_study;
 mod case_study_photons;
 mod direct;
+mod direct_borders;
 mod render;
 pub mod trace;
 mod weather;

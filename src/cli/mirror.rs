@@ -70,7 +70,7 @@ pub(super) struct Arguments {
     set: Vec<Assignment>,
 }
 
-fn point(text: &str) -> Result<DVec3, String> {
+pub(super) fn point(text: &str) -> Result<DVec3, String> {
     let numbers: Vec<f64> = text.split(',').filter_map(|t| t.trim().parse().ok()).collect();
     match numbers.as_slice() {
         &[x, y, z] if text.split(',').count() == 3 && DVec3::new(x, y, z).is_finite() => {
@@ -80,7 +80,7 @@ fn point(text: &str) -> Result<DVec3, String> {
     }
 }
 
-fn seconds(text: &str) -> Result<u32, String> {
+pub(super) fn seconds(text: &str) -> Result<u32, String> {
     let wrong = || format!("expected a step such as 30s, 1min or 5min, found `{text}`");
     let digits = text.find(|c: char| !c.is_ascii_digit()).unwrap_or(text.len());
     let (number, unit) = text.split_at(digits);

@@ -8,6 +8,7 @@ mod context;
 mod convert;
 mod demo;
 mod exit;
+mod eyes;
 mod glare;
 mod inspect;
 mod mirror;
@@ -70,6 +71,7 @@ enum Command {
     Check(check::Arguments),
     Probe(probe::Arguments),
     Mirror(mirror::Arguments),
+    Eyes(eyes::Arguments),
     Suns(suns::Arguments),
     Trace(trace::Arguments),
     #[command(subcommand)]
@@ -105,6 +107,7 @@ pub fn run(cli: Cli) -> anyhow::Result<()> {
         Command::Check(arguments) => check::run(&arguments, &context),
         Command::Probe(arguments) => probe::run(&arguments, &context),
         Command::Mirror(arguments) => mirror::run(&arguments, &context),
+        Command::Eyes(arguments) => eyes::run(&arguments, &context),
         Command::Suns(arguments) => suns::run(&arguments, &context),
         Command::Trace(arguments) => trace::run(&arguments, &context),
         Command::Glare(command) => glare::run(&command, &context),

@@ -1,6 +1,6 @@
 //! What a run will cost, before an hour is spent.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use serde::Serialize;
 
@@ -12,7 +12,7 @@ use crate::site::bsdf::{Bsdf, Term};
 /// Rates on two cores at 2.5 GHz, from which times are expected. They are rough: the share of
 /// photons that land decides most, and it is known only after a pilot.
 mod rate {
-    pub const STORED_PER_S: f64 = 150_000.0;
+    pub const STORED_PER_S: f64 = 300_000.0;
     pub const SORTED_PER_S: f64 = 2_000_000.0;
     pub const ANNUAL_NEIGHBOURS_PER_S: f64 = 20e6;
     pub const SERIES_NEIGHBOURS_PER_S: f64 = 40e6;
@@ -32,9 +32,11 @@ mod rate {
     pub const PICTURE_PIXELS_PER_S: f64 = 2e6;
 }
 
-/// Bytes of a photon while it waits to be sorted, and in the store.
+/// Bytes of a photon while it waits on disk to be sorted, and in the store.
 mod size {
-    pub const SPILLED: f64 = 48.0;
+    pub const SPILLED: f64 = 15.0;
+    /// In memory while it is sorted.
+    pub const SORTED: f64 = 96.0;
     pub const STORED: f64 = 12.0;
     pub const STORED_BOUND: f64 = 24.0;
     /// Of a series value that isn't zero, compressed.
@@ -78,6 +80,61 @@ pub struct Estimate {
     pub free_bytes: u64,
     /// Bytes expected on disk at the fullest moment.
     pub disk_bytes: u64,
+    /// The time series of each view that keeps one, for all materials together.
+    pub series: Vec<SeriesEstimate>,
+    /// Where the run folder lies.
+    #[serde(skip)]
+    pub folder: PathBuf,
+}
+
+/// What a view's time series will take.
+#[derive(Clone, Debug, Serialize)]
+pub struct SeriesEstimate {
+    /// The view.
+    pub view: String,
+    /// Bytes on disk, expected.
+    pub disk_bytes: u64,
+}
+
+impl Estimate {
+    /// Refuses a run that is expected to fill the disk, whatever of it is there already.
+    ///
+    /// # Errors
+    /// [`Error::Disk`].
+    pub fn refuse_full_disk(&self) -> Result<(), Error> {
+        let there = used_bytes(&self.folder)?;
+        self.refuse(self.disk_bytes.saturating_sub(there))
+    }
+
+    fn refuse(&self, needed: u64) -> Result<(), Error> {
+        if needed <= self.free_bytes {
+            return Ok(());
+        }
+        Err(Error::Disk {
+            path: self.folder.clone(),
+            needed: bytes_in_words(needed),
+            free: bytes_in_words(self.free_bytes),
+            remedy: self.remedy(needed),
+        })
+    }
+
+    /// What would make room.
+    fn remedy(&self, needed: u64) -> String {
+        let all: u64 = self.series.iter().map(|s| s.disk_bytes).sum();
+        let largest = self.series.iter().max_by_key(|s| s.disk_bytes);
+        match largest.filter(|_| all > needed / 4) {
+            Some(largest) => format!(
+                "the time series take {} of it, most of that view \"{}\": analyse it without \
+                 writing it (`fuse = true`), keep fewer bits (`series_mantissa_bits = 8`), make \
+                 the view smaller, or put the project elsewhere",
+                bytes_in_words(all),
+                largest.view
+            ),
+            None => "free some, lower photons.stored or the views' sizes, or put the project \
+                     elsewhere"
+                .to_owned(),
+        }
+    }
 }
 
 /// Estimates a run; writes nothing.
@@ -96,12 +153,15 @@ pub fn estimate(resolved: &Resolved, memory_bytes: u64) -> Result<Estimate, Erro
     let mut neighbours = (0.0, 0.0);
     let mut series = 0.0;
     let mut direct = 0.0;
+    let mut of_views = Vec::new();
     for v in resolved.with_sensors() {
         let p = resolved.pixels(v) as f64;
         if v.direct {
             direct += p;
             let kept = 1.0 + f64::from(u8::from(v.both));
-            series += kept * p * size::LIT_DIRECT * steps * size::LIT_TIMESTEPS * size::SERIES;
+            let bytes = kept * p * size::LIT_DIRECT * steps * size::LIT_TIMESTEPS * size::SERIES;
+            series += bytes;
+            of_views.push((v.name.clone(), bytes));
             continue;
         }
         let k = v.series_bandwidth.unwrap_or_else(|| (3 * timeline.steps.len()).max(4000)) as f64;
@@ -109,7 +169,12 @@ pub fn estimate(resolved: &Resolved, memory_bytes: u64) -> Result<Estimate, Erro
         neighbours.1 += p * size::LIT_PIXELS * k;
         // A fused view keeps no series.
         let kept = if v.fuse { 0.0 } else { 1.0 + f64::from(u8::from(v.both)) };
-        series += kept * p * size::LIT_PIXELS * (steps * size::LIT_TIMESTEPS).min(k) * size::SERIES;
+        let lit = p * size::LIT_PIXELS * (steps * size::LIT_TIMESTEPS).min(k);
+        // A number has 24 bits of mantissa and sign; those that were dropped cost nothing.
+        let bits = 8.0 + f64::from(v.annual.mantissa_bits.min(16)) * 16.0 / 16.0;
+        let bytes = kept * lit * size::SERIES * bits / 24.0;
+        series += bytes;
+        of_views.push((v.name.clone(), bytes));
     }
     let budget = memory_bytes as f64;
     let maps = pixels * candidates * (12.0 + 24.0 * thresholds) + pixels * 40.0;
@@ -139,7 +204,7 @@ pub fn estimate(resolved: &Resolved, memory_bytes: u64) -> Result<Estimate, Erro
             photons(stored),
             all,
             (stored * size::SPILLED, stored * size::SPILLED * 1.02),
-            200e6 + (stored * size::SPILLED).min(budget / 4.0),
+            200e6 + (stored * 30.0).min(budget / 16.0),
             all / rate::STORED_PER_S,
         ),
         stage(
@@ -147,7 +212,7 @@ pub fn estimate(resolved: &Resolved, memory_bytes: u64) -> Result<Estimate, Erro
             photons(stored),
             all,
             (all * size::STORED, all * size::STORED_BOUND),
-            (stored * 2.0 * size::SPILLED).min(budget / 2.0),
+            (stored * size::SORTED).min(budget * 0.75),
             all / rate::SORTED_PER_S,
         ),
         stage(
@@ -191,6 +256,12 @@ pub fn estimate(resolved: &Resolved, memory_bytes: u64) -> Result<Estimate, Erro
         stages,
         free_bytes: free_bytes(&resolved.folder)?,
         disk_bytes,
+        series: of_views
+            .into_iter()
+            .filter(|(_, bytes)| *bytes > 0.0)
+            .map(|(view, bytes)| SeriesEstimate { view, disk_bytes: (bytes * candidates) as u64 })
+            .collect(),
+        folder: resolved.folder.join("run"),
     })
 }
 
@@ -245,15 +316,7 @@ pub(super) fn refuse_full_disk(job: &Job<'_>) -> Result<(), Error> {
             (s.disk_bytes, stale, of_stage().count())
         })
         .collect();
-    let needed = still_needed(&stages, there);
-    if needed > expected.free_bytes {
-        return Err(Error::Disk {
-            path: job.folder.root().to_owned(),
-            needed: bytes_in_words(needed),
-            free: bytes_in_words(expected.free_bytes),
-        });
-    }
-    Ok(())
+    expected.refuse(still_needed(&stages, there))
 }
 
 /// Bytes that a run still has to find. `stages`: bytes of a whole stage, its units that have to be

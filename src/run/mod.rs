@@ -25,12 +25,14 @@ mod set;
 mod shard;
 mod site_plan;
 mod stages;
+pub mod sweep;
 mod units;
 mod verify;
 mod words;
 
 pub use clean::{Cleaned, Part, Usage, clean};
 pub use clock::Clock;
+pub use cpu::{Took, Watch};
 pub use create::{Demo, NewScene, Quality, SiteAt, create, demo};
 pub use error::Error;
 pub use estimate::{Estimate, StageEstimate, bytes_in_words, estimate};

@@ -222,7 +222,7 @@ mod tests {
         let bark = crowns.transmittance(Vec3::new(0.0, 2.5, 2.5), Vec3::X, 8.0, 0);
         assert_eq!(bark, 0.0);
         // From between the leaves of the first.
-        assert_eq!(crowns.transmittance(Vec3::new(1.5, 0.0, 0.1), Vec3::X, 8.0, 0), 0.25);
+        assert_eq!(crowns.transmittance(Vec3::new(1.5, 0.0, 0.1), Vec3::X, 7.0, 0), 0.25);
         assert!(
             Crowns::of(&site, &[Season { modifier: "fir".into(), ..season(1.0, 1.0) }]).is_none()
         );

@@ -3,7 +3,9 @@
 //! An [`EyePv`] knows the PV in cells. For an eye it tells which cells are in sight ([`Seen`]), for
 //! a sun which are lit ([`LitPv`]); [`EyePv::look`] joins them with a material into [`Glint`]s:
 //! directions with solid angle and radiance. [`EyeInstant`] sums those up, [`hazard`] holds the
-//! formulas of the eye.
+//! formulas of the eye; a [`Sweeper`] goes through a year in fine steps.
+#![doc = ""]
+#![doc = include_str!("../../docs/observers.md")]
 
 mod glints;
 pub mod hazard;

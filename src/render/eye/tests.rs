@@ -184,7 +184,7 @@ fn what_lies_behind_the_eye_or_in_shadow_is_not_seen() {
     assert_eq!(look(&shaded, &glass, &high).1, EyeInstant::default());
 }
 
-/// Every third day of a year, minute by minute: what the adaptive sweep finds is what looking at
+/// Some days of a year, minute by minute: what the adaptive sweep finds is what looking at
 /// each minute finds, with a fraction of the looks.
 #[test]
 fn a_sweep_misses_nothing() {
@@ -202,7 +202,7 @@ fn a_sweep_misses_nothing() {
     };
     let spec = TimeSpec {
         year: 2025,
-        days: DayRange { from: 1, to: 364, step: 13 },
+        days: DayRange { from: 80, to: 264, step: 23 },
         hours: HourRange { from: 0.0, to: 23.99, step: 1.0 / 60.0 },
         sun: SunModel::Gensky,
         irradiance: Irradiance::ClearSky,
@@ -216,12 +216,11 @@ fn a_sweep_misses_nothing() {
         radiances_w_m2_sr: vec![300.0, 500.0],
     };
     let glass = |alpha| Model::PvGlass { index: 1.52, ggx_alpha: alpha, cell_reflectance: 0.04 };
-    let models = [glass(0.3), glass(0.05), glass(0.01), Model::Glass { index: 1.52 }];
-    for (model, most_looks) in models.into_iter().zip([0.5, 0.3, 0.2, 0.2]) {
+    for model in [glass(0.05), glass(0.01), Model::Glass { index: 1.52 }] {
         let bsdf = bsdf(model);
         let materials = [EyeMaterial::new(&bsdf)];
         let (mut looked, mut lit) = (0, 0);
-        for at in [AT, DVec3::new(-20.0, -12.0, 3.0), DVec3::new(-9.0, 5.0, 6.0)] {
+        for at in [AT, DVec3::new(-20.0, -12.0, 3.0)] {
             let seen = [pv.seen(eye(at), 0)];
             let sweeper = Sweeper {
                 pv: &pv,
@@ -238,8 +237,10 @@ fn a_sweep_misses_nothing() {
             looked += sweep.looked;
             lit += full.exceeded.iter().filter(|e| **e != 0).count();
         }
-        let share = looked as f64 / (3 * timeline.steps.len()) as f64;
-        println!("width {}: {lit} minutes lit, looked at {share:.3}", materials[0].width());
-        assert!(lit > 50 && share < most_looks, "{lit} {share}");
+        let all = (2 * timeline.steps.len()) as f64;
+        let (share, lit) = (looked as f64 / all, lit as f64 / all);
+        println!("width {}: lit {lit:.3}, looked at {share:.3}", materials[0].width());
+        // What is lit is looked at, minute by minute; of the rest little.
+        assert!(lit > 0.002 && share < 1.3 * lit + 0.2, "{lit} {share}");
     }
 }

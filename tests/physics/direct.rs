@@ -79,8 +79,8 @@ fn photons_and_direct_integration_agree_within_their_noise() {
     let timeline = sky::timeline(&resolved.place, &resolved.times).expect("has suns");
     let settings = Settings { stored: 300_000, ..resolved.trace };
     let spots: Vec<Hit> = [
-        ("-vtl -vp -30 0 200 -vd 0 0 -1 -vu 0 1 0 -vh 80 -vv 80", 26, 26),
-        ("-vtc -vp 1 5 25 -vd 0 -1 0 -vu 0 0 1 -vh 360 -vv 76.3 -vo 32", 52, 16),
+        ("-vtl -vp -30 0 200 -vd 0 0 -1 -vu 0 1 0 -vh 90 -vv 90", 50, 50),
+        ("-vtc -vp 1 5 25 -vd 0 -1 0 -vu 0 0 1 -vh 360 -vv 76.3 -vo 32", 120, 30),
     ]
     .into_iter()
     .flat_map(|(view, columns, rows)| {
@@ -145,7 +145,7 @@ fn photons_and_direct_integration_agree_within_their_noise() {
             let (least, most) =
                 around.iter().fold((f64::MAX, 0.0_f64), |(a, b), e| (a.min(*e), b.max(*e)));
             // A shadow's border crosses the disc.
-            if most > 1.5 * least {
+            if least == 0.0 || most > 1.8 * least {
                 continue;
             }
             let area = std::f64::consts::PI * RADIUS_M * RADIUS_M;
@@ -158,7 +158,7 @@ fn photons_and_direct_integration_agree_within_their_noise() {
         }
         let mean = off / f64::from(compared);
         println!("{name}: {compared} discs, {outside} outside 4 standard errors, mean {mean:+.3}");
-        assert!(compared >= if name == "smooth" { 5 } else { 50 }, "{compared} discs");
+        assert!(compared >= if name == "smooth" { 3 } else { 60 }, "{compared} discs");
         assert!(outside * 100 <= compared as usize, "{name}: {outside} of {compared}");
         // What all have in common: 4 of its own standard errors, and curvature within discs.
         let most = 4.0 / f64::from(compared).sqrt() + 0.1;

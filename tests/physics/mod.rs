@@ -9,6 +9,7 @@ mod case_study;
 mod case_study_photons;
 mod closed_maps;
 mod direct;
+mod direct_borders;
 pub mod render;
 pub mod trace;
 mod weather;

@@ -16,36 +16,39 @@ impl Disc {
         Self { radius_rad: 0.5 * diameter_deg.to_radians() }
     }
 
-    /// Points of the unit disc, each for the same share of it: 4 of degree 3, 16 of degree 7
-    /// across rings (Stroud 1971, S2), or 64 on the four rings of Chebyshev's rule of equal
-    /// weights.
-    pub(super) fn points(count: usize) -> Vec<(f64, f64)> {
-        const FOUR: [f64; 4] = [
-            -0.794_654_472_291_766_1,
-            -0.187_592_474_085_079_9,
-            0.187_592_474_085_079_9,
-            0.794_654_472_291_766_1,
-        ];
-        let ring = |at: f64, around: usize, turn: f64| {
-            let r = (0.5 * (1.0 + at)).sqrt();
-            (0..around).map(move |i| {
-                let a = 2.0 * PI * (i as f64 + turn) / around as f64;
-                (r * libm::cos(a), r * libm::sin(a))
-            })
+    /// Places all over the disc: rings by the rule of Gauss and Legendre for the square of the
+    /// radius, every other one turned by half a step.
+    pub(super) fn rings(&self, rings: usize, around: u32) -> Vec<Place> {
+        let rule: &[(f64, f64)] = match rings {
+            2 => &[(0.577_350_269_189_625_8, 1.0)],
+            3 => &[(0.0, 8.0 / 9.0), (0.774_596_669_241_483_4, 5.0 / 9.0)],
+            4 => &[
+                (0.339_981_043_584_856_3, 0.652_145_154_862_546_1),
+                (0.861_136_311_594_052_6, 0.347_854_845_137_453_9),
+            ],
+            _ => &[
+                (0.238_619_186_083_196_9, 0.467_913_934_572_691),
+                (0.661_209_386_466_264_5, 0.360_761_573_048_138_6),
+                (0.932_469_514_203_152, 0.171_324_492_379_170_4),
+            ],
         };
-        let third = (1.0 / 3.0_f64).sqrt();
-        match count {
-            4 => ring(0.0, 4, 0.0).collect(),
-            16 => ring(-third, 8, 0.0).chain(ring(third, 8, 0.5)).collect(),
-            _ => (0..4).flat_map(|i| ring(FOUR[i], 16, 0.25 * i as f64)).collect(),
+        // From the innermost ring outwards.
+        let outer = rule.iter().copied();
+        let inner = rule.iter().rev().filter(|(x, _)| *x > 0.0).map(|(x, w)| (-x, *w));
+        let mut out = Vec::new();
+        for (ring, (x, weight)) in inner.chain(outer).enumerate() {
+            let r = (0.5 * (1.0 + x)).sqrt();
+            for i in 0..around {
+                let turn = f64::from(i) + 0.5 * (ring % 2) as f64;
+                let angle = 2.0 * PI * turn / f64::from(around);
+                out.push(Place {
+                    at: self.at(r * libm::cos(angle), r * libm::sin(angle)),
+                    share: (0.5 * weight / f64::from(around)) as f32,
+                    second: [0.0; 2],
+                });
+            }
         }
-    }
-
-    /// The same as directions in the frame of a sun.
-    pub(super) fn places(&self, count: usize) -> Vec<Place> {
-        let share = 1.0 / count as f32;
-        let place = |(u, v)| Place { at: self.at(u, v), share, second: [0.0; 2] };
-        Self::points(count).into_iter().map(place).collect()
+        out
     }
 
     /// The middle, with all of the disc around it.
@@ -178,18 +181,45 @@ mod tests {
     }
 
     #[test]
-    fn points_of_the_disc_integrate_its_moments() {
-        for (count, exact) in [(4, false), (16, true), (64, true)] {
-            let points = Disc::points(count);
-            assert_eq!(points.len(), count);
+    fn places_of_the_disc_integrate_its_moments() {
+        let disc = Disc::new(0.533);
+        let ways = [
+            (disc.rings(2, 8), 16, 7),
+            (disc.rings(3, 10), 30, 9),
+            (disc.rings(4, 16), 64, 15),
+            (disc.rings(6, 24), 144, 23),
+        ];
+        for (places, count, degree) in ways {
+            assert_eq!(places.len(), count);
             let mean = |f: &dyn Fn(f64, f64) -> f64| {
-                points.iter().map(|p| f(p.0, p.1)).sum::<f64>() / count as f64
+                let of = |p: &Place| {
+                    let [u, v, w] = p.at.map(f64::from);
+                    f64::from(p.share) * f(u / w / disc.radius_rad, v / w / disc.radius_rad)
+                };
+                places.iter().map(of).sum::<f64>()
             };
-            assert!(mean(&|x, _| x).abs() < 1e-12 && mean(&|x, y| x * y).abs() < 1e-12);
-            assert!((mean(&|x, _| x * x) - 0.25).abs() < 1e-12, "{count}");
-            if exact {
-                assert!((mean(&|x, _| x.powi(4)) - 0.125).abs() < 1e-12);
+            assert!((mean(&|_, _| 1.0) - 1.0).abs() < 1e-6);
+            assert!(mean(&|x, _| x).abs() < 1e-6 && mean(&|x, y| x * y).abs() < 1e-6);
+            // Means of even powers over the unit disc: 1/4, 1/8, 5/64, 7/128, ..
+            let mut expected = 1.0;
+            for half in 1..=degree / 2 {
+                expected *= f64::from(2 * half - 1) / f64::from(2 * half + 2);
+                let found = mean(&|x, _| x.powi(2 * half));
+                assert!((found / expected - 1.0).abs() < 1e-5, "{count}, {half}: {found}");
             }
+        }
+        for count in [3, 5, 9, 17] {
+            let line = disc.line(count);
+            let share: f64 = line.iter().map(|p| f64::from(p.share)).sum();
+            let squares = |of: &dyn Fn(&Place) -> f64| {
+                line.iter().map(|p| f64::from(p.share) * of(p)).sum::<f64>()
+            };
+            let radius2 = disc.radius_rad * disc.radius_rad;
+            let side = squares(&|p| f64::from(p.at[0]).powi(2)) / radius2;
+            // Halves of mean squares, a third of the breadth's above and below.
+            let up = squares(&|p| f64::from(p.second[1])) / radius2;
+            assert!((share - 1.0).abs() < 1e-6 && (side - 0.25).abs() < 1e-4, "{share} {side}");
+            assert!((up - 0.125).abs() < 1e-5, "{up}");
         }
     }
 }

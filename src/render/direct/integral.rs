@@ -17,8 +17,10 @@ const DEEPER: u32 = 8;
 const POINT: f32 = 1e-4;
 /// Up to here a disc is as good as the second order of its mean.
 const SECOND_ORDER: f32 = 0.02;
-/// Up to here the disc's 16 points do.
-const FEW_POINTS: f32 = 0.3;
+/// Up to here 16, 30 or 64 places all over the disc do, beyond it 144.
+const RINGS: [f32; 3] = [0.4, 1.2, 12.0];
+/// How far those miss the mean of a lobe once it is integrated over cells, too.
+const RINGS_ERROR: [f32; 4] = [4e-4, 1e-3, 5e-3, 2e-2];
 /// Up to here 3, 5 or 9 points in a line do, beyond it 17, if the disc's height is as good as its second order.
 const LINES: [f32; 3] = [0.3, 1.2, 6.0];
 /// Ratio of a cell's radius to the length over which the integrand changes up to which the cell is
@@ -37,11 +39,11 @@ const SEEN_ERROR: f32 = 0.2;
 const LIT_ERROR: f32 = 0.1;
 
 /// Ways in which suns are looked at through a cell: as points through rules of one and three
-/// points, then through seven as discs: their second order, lines of 3 to 17 places, some
-/// places all over, many.
+/// points, then through seven as discs: their second order, lines of 3 to 17 places, rings
+/// of 16 to 144 all over.
 const WAYS: usize = SEVEN + DISCS;
 const SEVEN: usize = 2;
-pub(super) const DISCS: usize = 7;
+pub(super) const DISCS: usize = 9;
 
 /// What stands for the disc in those ways.
 pub(super) fn disc_places(disc: &Disc) -> [Vec<Place>; DISCS] {
@@ -51,8 +53,10 @@ pub(super) fn disc_places(disc: &Disc) -> [Vec<Place>; DISCS] {
         disc.line(5),
         disc.line(9),
         disc.line(17),
-        disc.places(16),
-        disc.places(64),
+        disc.rings(2, 8),
+        disc.rings(3, 10),
+        disc.rings(4, 16),
+        disc.rings(6, 24),
     ]
 }
 
@@ -148,6 +152,17 @@ impl Integral<'_> {
         seen as f32 / (SEEN_PARTS as usize * range.len()) as f32
     }
 
+    /// Share of a cell's asked cells that are partly seen.
+    fn crossed(&self, cell: &Cell) -> f32 {
+        let asked = self.asked(cell);
+        let count = asked.len();
+        let partly = |&i: &usize| {
+            let seen = self.seen_before[i + 1] - self.seen_before[i];
+            seen > 0 && seen < SEEN_PARTS
+        };
+        asked.filter(partly).count() as f32 / count as f32
+    }
+
     fn descend(&mut self, cell: &Cell, suns: &[u32]) {
         let share = self.seen(cell);
         if share == 0.0 || suns.is_empty() {
@@ -159,7 +174,7 @@ impl Integral<'_> {
             look,
             share,
             by_parts: share < 1.0 && whole,
-            error: if share < 1.0 && !whole { SEEN_ERROR / share } else { 0.0 },
+            error: if share < 1.0 { SEEN_ERROR * self.crossed(cell) / share } else { 0.0 },
             deepest: cell.level >= self.root.asked + DEEPER,
             cell: *cell,
         };
@@ -204,8 +219,11 @@ impl Integral<'_> {
         if seen.cell.level >= self.root.asked {
             return Some((part, LIT_ERROR / part));
         }
-        (!seen.by_parts && ratio2 <= PARTLY_LIT * PARTLY_LIT)
-            .then(|| (part, 3.0 * (1.0 - part) * ratio2.sqrt()))
+        (!seen.by_parts && ratio2 <= PARTLY_LIT * PARTLY_LIT).then(|| {
+            // A border crosses about twice as many asked cells as lie along an edge.
+            let along = (1_u32 << (self.root.asked - seen.cell.level)) as f32;
+            (part, 3.0 * (1.0 - part) * ratio2.sqrt() + LIT_ERROR * 2.0 / (along * part))
+        })
     }
 
     /// Every sun is looked at through the same rule, or needs the cell's parts.
@@ -284,10 +302,9 @@ impl Integral<'_> {
             } else if low {
                 let line = LINES.iter().filter(|&&most| beside2 > most).count();
                 (SEVEN + 1 + line, if line < LINES.len() { 1e-3 } else { 2e-2 })
-            } else if beside2 < FEW_POINTS {
-                (SEVEN + 5, 0.02 * beside2 * beside2)
             } else {
-                (SEVEN + 6, 2e-3)
+                let rings = RINGS.iter().filter(|&&most| beside2 > most).count();
+                (SEVEN + 5 + rings, RINGS_ERROR[rings])
             };
             let rule = if seen.by_parts { 0 } else { way.min(SEVEN) };
             // Parts are a half as large.

@@ -138,7 +138,7 @@ impl<'a> Direct<'a> {
                         facet,
                         bsdf,
                         disc: &self.disc,
-                        points: &self.places[DISCS - 2],
+                        points: &self.places[DISCS - 4],
                         spot: &spot,
                         max_path_m: self.scene.max_path_m,
                         sun_visibility: self.scene.sun_visibility,

@@ -65,11 +65,7 @@ impl Specular<'_> {
     fn free(&self, sun: &Frame, corners: &[DVec3; 3], image: DVec3, before_m: f64) -> f64 {
         let edges = [0, 1, 2].map(|i| corners[i].cross(corners[(i + 1) % 3]));
         let (mut inside, mut free) = (0.0, 0.0);
-        for (i, [u, v, w]) in self.points.iter().map(|p| p.at.map(f64::from)).enumerate() {
-            // Every other point of the outer ring says the same: so do the rest.
-            if i == 12 && inside > 4.0 && (free == 0.0 || free == inside) {
-                break;
-            }
+        for [u, v, w] in self.points.iter().map(|p| p.at.map(f64::from)) {
             let at = sun.x * u + sun.y * v + sun.z * w;
             let cos = self.facet.frame.z.dot(at);
             if cos <= 0.0 || edges.iter().any(|e| e.dot(at) < 0.0) {

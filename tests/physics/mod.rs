@@ -9,5 +9,6 @@ mod case_study;
 mod case_study_photons;
 mod direct;
 mod render;
+mod seasons;
 pub mod trace;
 mod weather;

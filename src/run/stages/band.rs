@@ -122,8 +122,14 @@ pub(super) fn count(
     source: &dyn Slices,
     threshold_w_m2: f64,
 ) -> Result<Band, Error> {
-    let name = job.folder.map(&candidate.name, &view.name, "noise.exr");
-    let photon = pictures::read(job, &name, "photon.w_m2")?;
+    let photon = if view.direct {
+        // No photons, no noise.
+        let [_, rows, columns] = source.shape();
+        Grid::filled(columns, rows, 0.0)
+    } else {
+        let name = job.folder.map(&candidate.name, &view.name, "noise.exr");
+        pictures::read(job, &name, "photon.w_m2")?
+    };
     let mut counter = Counter::new(threshold_w_m2, &photon);
     let steps = &job.timeline()?.steps;
     each_slice(source, 0..source.shape()[0], job.progress, |t, slice| {

@@ -10,5 +10,6 @@ pub mod gmp;
 pub mod header;
 pub mod hits;
 pub mod npy;
+pub mod records;
 pub mod seal;
 pub mod zarr;

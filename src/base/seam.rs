@@ -43,4 +43,19 @@ pub trait TileSink: Sync {
     /// # Errors
     /// When the tile can't be written (a full disk).
     fn put(&self, tile: TileRect, entries: &[SeriesEntry]) -> Result<(), SinkError>;
+
+    /// Keeps numbers that were found out about a tile, at most two for each pixel, before it is
+    /// put; a sink may forget them.
+    ///
+    /// # Errors
+    /// When they can't be written.
+    fn note(&self, _tile: TileRect, _numbers: &[f32]) -> Result<(), SinkError> {
+        Ok(())
+    }
+
+    /// The numbers that were noted of a tile, maybe with zeros behind them; `None` where they were
+    /// forgotten.
+    fn noted(&self, _tile: TileRect) -> Option<Vec<f32>> {
+        None
+    }
 }

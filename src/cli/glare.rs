@@ -9,8 +9,9 @@ use serde_json::json;
 
 use super::{Context, size};
 use crate::base::{Grid, Provenance};
-use crate::glare::{self, Analysis, Connectivity, Settings, Slices, YearMap};
+use crate::glare::{self, Analysis, Connectivity, Regular, Settings, Slices, YearMap};
 use crate::picture::exr;
+use crate::run::Watch;
 use crate::volume::{Volume, read_segments, segments_from_numbers};
 
 #[derive(Debug, clap::Subcommand)]
@@ -82,13 +83,22 @@ fn analyse(arguments: &Analyse, context: &Context) -> anyhow::Result<()> {
         memory_bytes: arguments.memory,
         spill: arguments.out.clone(),
     };
-    let plan = glare::plan(&volume, &settings, arguments.keep_filtered)?;
+    let grid = match volume.axis() {
+        Some(axis) => Regular::of(&volume, axis, &segments)?,
+        None => None,
+    };
+    let regular_axis = grid.as_ref().zip(volume.axis()).map(|(grid, axis)| grid.axis(axis));
+    let axis = regular_axis.as_ref().or(volume.axis());
+    let source: &dyn Slices = grid.as_ref().map_or(&volume, |grid| grid);
+    let segments = grid.as_ref().map_or(segments, |grid| grid.segments().to_vec());
+    let instants = source.shape()[0];
+    let plan = glare::plan(source, &settings, arguments.keep_filtered)?;
     let out = &arguments.out;
     fs::create_dir_all(out).with_context(|| format!("{} can't be made", out.display()))?;
 
     let filtered_path = out.join("filtered.npy");
     let mut writer = match arguments.keep_filtered {
-        true => Some(npy::Writer::<f32>::create(&filtered_path, &shape)?),
+        true => Some(npy::Writer::<f32>::create(&filtered_path, &source.shape())?),
         false => None,
     };
     let mut keep = writer
@@ -99,17 +109,17 @@ fn analyse(arguments: &Analyse, context: &Context) -> anyhow::Result<()> {
         None => None,
     };
     let progress = context.progress();
-    let found = glare::analyse_planned(&volume, &segments, &settings, &plan, filtered, progress)?;
+    let watch = Watch::start();
+    let found = glare::analyse_planned(source, &segments, &settings, &plan, filtered, progress)?;
+    let took = watch.read();
     let mut written = Vec::new();
     if let Some(writer) = writer {
         writer.finish().with_context(|| filtered_path.display().to_string())?;
         written.push("filtered.npy".to_owned());
     }
     write_maps(out, &found, &settings, &mut written)?;
-    seal::write(&out.join("events.csv"), |to| {
-        glare::write_events(to, &found.events, volume.axis())
-    })
-    .with_context(|| format!("{} can't be written", out.join("events.csv").display()))?;
+    seal::write(&out.join("events.csv"), |to| glare::write_events(to, &found.events, axis))
+        .with_context(|| format!("{} can't be written", out.join("events.csv").display()))?;
     written.push("events.csv".to_owned());
     write_year(out, &volume, &settings, context, &mut written)?;
 
@@ -129,6 +139,8 @@ fn analyse(arguments: &Analyse, context: &Context) -> anyhow::Result<()> {
         "sustained_max_timesteps": most(&found.sustained),
         "longest_run_max_timesteps": most(&found.longest_run),
         "nonfinite": found.nonfinite,
+        "instants": instants,
+        "took": took,
         "written": written,
     });
     let mut text = format!(
@@ -140,6 +152,11 @@ fn analyse(arguments: &Analyse, context: &Context) -> anyhow::Result<()> {
         most(&found.sustained),
         most(&found.longest_run)
     );
+    if grid.is_some() {
+        text += &format!(
+            "its steps differ in length: put onto {instants} instants at equal distances\n"
+        );
+    }
     if found.nonfinite > 0 {
         text += &format!("{} voxels of the volume are NaN or infinite\n", found.nonfinite);
     }
@@ -177,7 +194,7 @@ fn write_year(
         let at = maps.iter().position(|m| *m == map).unwrap_or(0);
         writers[at].push(band).map_err(io::Error::other)
     };
-    glare::year(volume, settings.threshold, &mut push, context.progress())?;
+    glare::year(volume, settings.threshold, None, &mut push, context.progress())?;
     let attributes = [
         ("program".to_owned(), Provenance::PROGRAM.to_owned()),
         ("threshold_w_m2".to_owned(), settings.threshold.to_string()),

@@ -4,7 +4,8 @@ use std::path::PathBuf;
 use super::{Context, size};
 use crate::run::{Assignment, Estimate, Resolved, bytes_in_words, estimate};
 
-/// Say what a run will cost, stage by stage, before an hour is spent; nothing is written
+/// Say what a run will cost, stage by stage, before an hour is spent; nothing is written. What
+/// doesn't fit on the disk is refused
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Example:\n  glintmap plan church --set photons.stored=250000000")]
 pub(super) struct Arguments {
@@ -21,7 +22,8 @@ pub(super) struct Arguments {
 pub(super) fn run(arguments: &Arguments, context: &Context) -> anyhow::Result<()> {
     let resolved = Resolved::read(&arguments.project, &arguments.set, arguments.memory)?;
     let estimate = estimate(&resolved, arguments.memory)?;
-    context.print(&estimate, &table(&estimate))
+    context.print(&estimate, &table(&estimate))?;
+    Ok(estimate.refuse_full_disk()?)
 }
 
 fn table(estimate: &Estimate) -> String {

@@ -20,7 +20,7 @@ const SMALL_BLOCK_BYTES: u64 = 4 << 20;
 /// Bytes for what is found in a voxel of a strip, however noisy.
 const FOUND_BYTES: usize = 8;
 /// Bytes that may be kept in memory at most of what could be spilled.
-const MAX_SPILL_BYTES: u64 = 64 << 20;
+const MAX_SPILL_BYTES: u64 = 32 << 20;
 
 /// How an analysis is cut into steps. Any plan gives the same result.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
@@ -76,7 +76,7 @@ impl Demand {
     fn plan(&self, settings: &Settings) -> Result<Plan, Error> {
         let slice_bytes = 4 * self.pixels();
         let small = usize::try_from(SMALL_BLOCK_BYTES / slice_bytes).unwrap_or(MAX_BLOCK);
-        let block = self.chunk_timesteps.max(small).max(BLOCK).min(MAX_BLOCK);
+        let block = self.chunk_timesteps.max(small).clamp(BLOCK, MAX_BLOCK);
         let steps = [(BATCH, block), (BATCH, BLOCK), (BATCH, BATCH), (4, 4), (2, 2), (1, 1)];
         let limit = settings.memory_bytes;
         let roomy = steps.iter().find(|(batch, block)| self.bytes(*batch, *block) <= limit / 4 * 3);

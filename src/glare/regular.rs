@@ -4,10 +4,12 @@ use super::error::Error;
 use super::slices::{Calendar, ReadFailure, Slices};
 use super::stream::checked;
 use crate::base::limits::{MAX_TIMESTEPS, TILE_EDGE};
-use crate::volume::TimeAxis;
+use crate::volume::{TimeAxis, segments_from_numbers};
 
 /// The shortest time step that is believed, h: a second.
 const SHORTEST_H: f64 = 1.0 / 3600.0;
+/// Hours of a day.
+const DAY_H: f64 = 24.0;
 /// Differences of clock times that don't count, h.
 const SLACK_H: f64 = 1e-6;
 
@@ -21,23 +23,37 @@ pub struct Regular<'a> {
     source: &'a dyn Slices,
     /// For each instant of the grid the timestep that it shows; never falls.
     shows: Vec<usize>,
-    /// Hour of day of each instant, h.
+    /// When each instant is, h.
     hour: Vec<f64>,
     segments: Vec<Range<usize>>,
     step_h: f64,
 }
 
 impl<'a> Regular<'a> {
-    /// The grid of a series whose timestep `i` lies at `hour[i]` of its day; hours rise inside
-    /// each of `segments`, which follow each other without gaps.
+    /// The grid of a series whose timesteps `axis` describes; `None` where they lie on one already.
+    /// `segments` follow each other without gaps.
     ///
     /// # Errors
     /// Segments or hours that don't fit the series, steps below a second, a grid that is too long.
-    pub fn new(
+    pub fn of(
         source: &'a dyn Slices,
-        hour: &[f64],
+        axis: &TimeAxis,
         segments: &[Range<usize>],
-    ) -> Result<Self, Error> {
+    ) -> Result<Option<Self>, Error> {
+        let hour = hours_of_year(axis);
+        let even = |segment: &Range<usize>| {
+            let hours = hour.get(segment.clone()).unwrap_or_default();
+            hours.windows(2).all(|h| is_step(h[1] - h[0], axis.step_h))
+        };
+        if segments.iter().all(even) {
+            return Ok(None);
+        }
+        Self::new(source, &hour, segments).map(Some)
+    }
+
+    /// The grid of a series whose timestep `i` lies at `hour[i]`, counted from any instant; hours
+    /// rise inside each of `segments`.
+    fn new(source: &'a dyn Slices, hour: &[f64], segments: &[Range<usize>]) -> Result<Self, Error> {
         let [timesteps, ..] = checked(source.shape())?;
         if hour.len() != timesteps {
             return Err(Error::Calendar { found: hour.len(), timesteps });
@@ -91,11 +107,18 @@ impl<'a> Regular<'a> {
         &self.segments
     }
 
+    /// The timestep of the series that an instant of the grid shows.
+    pub fn shown(&self, instant: usize) -> Option<usize> {
+        self.shows.get(instant).copied()
+    }
+
     /// What the grid's instants are, given what the series' timesteps are.
     pub fn axis(&self, axis: &TimeAxis) -> TimeAxis {
+        // Midnight may lie between an instant and the timestep that it shows.
+        let day = |hour: &f64| ((hour + SLACK_H) / DAY_H).floor();
         TimeAxis {
-            day: self.shows.iter().map(|&i| axis.day[i]).collect(),
-            hour: self.hour.clone(),
+            day: self.hour.iter().map(|hour| day(hour) as u32).collect(),
+            hour: self.hour.iter().map(|hour| hour - DAY_H * day(hour)).collect(),
             sun: self.shows.iter().map(|&i| axis.sun[i]).collect(),
             weight_h: self.shared(&axis.weight_h),
             segment: self.shows.iter().map(|&i| axis.segment[i]).collect(),
@@ -107,11 +130,52 @@ impl<'a> Regular<'a> {
         }
     }
 
+    /// How many instants show each of the series' timesteps.
+    fn times(&self, timesteps: usize) -> Vec<u32> {
+        let mut times = vec![0; timesteps];
+        self.shows.iter().for_each(|&i| times[i] += 1);
+        times
+    }
+
     /// The weight of each timestep, shared out among the instants that show it.
     fn shared(&self, weight_h: &[f64]) -> Vec<f64> {
-        let mut times = vec![0_u32; weight_h.len()];
-        self.shows.iter().for_each(|&i| times[i] += 1);
+        let times = self.times(weight_h.len());
         self.shows.iter().map(|&i| weight_h[i] / f64::from(times[i])).collect()
+    }
+}
+
+/// How many instants of the finest regular grid show each timestep, and the grid's step, h.
+pub(super) fn instants(axis: &TimeAxis) -> Result<(Vec<u32>, f64), Error> {
+    let timesteps = axis.day.len();
+    let segments = segments_from_numbers(&axis.segment);
+    Ok(match Regular::of(&Nothing(timesteps), axis, &segments)? {
+        Some(grid) => (grid.times(timesteps), grid.step_h),
+        None => (vec![1; timesteps], axis.step_h),
+    })
+}
+
+/// Hours since the year began, h.
+fn hours_of_year(axis: &TimeAxis) -> Vec<f64> {
+    axis.day.iter().zip(&axis.hour).map(|(day, hour)| DAY_H * f64::from(*day) + hour).collect()
+}
+
+/// Whether two timesteps are a step apart. A day needn't be a whole number of steps: over midnight
+/// they may lie a hundredth nearer or farther.
+fn is_step(gap_h: f64, step_h: f64) -> bool {
+    (gap_h - step_h).abs() <= 0.01 * step_h + SLACK_H
+}
+
+/// A picture without light of which only the timesteps matter.
+struct Nothing(usize);
+
+impl Slices for Nothing {
+    fn shape(&self) -> [usize; 3] {
+        [self.0, 1, 1]
+    }
+
+    fn read(&self, _: Range<usize>, _: Range<usize>, out: &mut [f32]) -> Result<(), ReadFailure> {
+        out.fill(0.0);
+        Ok(())
     }
 }
 

@@ -165,7 +165,8 @@ impl Window {
     /// Lets go of the rows of tiles that end at `row` or above; of what they hold the past keeps
     /// what it needs.
     pub fn retire(&mut self, row: usize) {
-        while let Some(block) = self.blocks.pop_front_if(|block| block.rows.end <= row) {
+        while self.blocks.front().is_some_and(|block| block.rows.end <= row) {
+            let Some(block) = self.blocks.pop_front() else { return };
             self.keep(&block);
             self.spare.push(block);
         }

@@ -5,6 +5,7 @@ use std::io;
 use rayon::prelude::*;
 
 use super::error::Error;
+use super::regular::instants;
 use super::slices::ReadFailure;
 use crate::base::limits::TILE_EDGE;
 use crate::base::{Progress, TileRect};
@@ -35,9 +36,10 @@ pub enum YearMap {
     LongestRun,
     /// The most glare of one day, h.
     LongestDay,
-    /// The earliest clock time with glare on any day, local standard time, h.
+    /// The earliest clock time with glare on any day, h; local standard time unless the caller
+    /// told another one.
     FirstHour,
-    /// The latest clock time with glare on any day, local standard time, h.
+    /// The latest clock time with glare on any day, h; as [`Self::FirstHour`].
     LastHour,
     /// The highest irradiance that is reached or exceeded for 30 minutes of some day, W/m2: a
     /// threshold below it is exceeded for at least so long on the worst day.
@@ -89,7 +91,10 @@ pub type YearRows<'a> = &'a mut dyn FnMut(YearMap, &[f32]) -> io::Result<()>;
 
 /// Goes through a volume tile by tile and hands on the maps of [`YearMap::all`]. Memory doesn't
 /// depend on the length of the year nor on the height of the picture: a row of tiles is in work at
-/// a time. Returns whether there are any maps: `.npy` files and imports know no calendar.
+/// a time. `clock_h` is what clocks show at each timestep, h; local standard time if left out. Where
+/// timesteps differ in length they count as on the finest regular grid, see
+/// [`Regular`](super::Regular). Returns whether there are any maps: `.npy` files and imports know no
+/// calendar.
 ///
 /// # Errors
 /// A threshold or a time step out of range, a volume that can't be read, what `rows` says, an
@@ -97,12 +102,13 @@ pub type YearRows<'a> = &'a mut dyn FnMut(YearMap, &[f32]) -> io::Result<()>;
 pub fn year(
     volume: &Volume,
     threshold_w_m2: f64,
+    clock_h: Option<&[f64]>,
     rows: YearRows<'_>,
     progress: &dyn Progress,
 ) -> Result<bool, Error> {
     let (Some(axis), Some(tiles)) = (volume.axis(), volume.tiles()) else { return Ok(false) };
     let threshold = checked(threshold_w_m2)?;
-    let clock = Clock::new(axis)?;
+    let clock = Clock::new(axis, clock_h)?;
     let maps = YearMap::all(axis);
     let columns = volume.shape()[2];
     let across = columns.div_ceil(TILE_EDGE);
@@ -152,20 +158,32 @@ pub(super) struct Clock<'a> {
     weight: Vec<u64>,
     /// 0 to 11 for each timestep.
     month: Vec<u8>,
-    /// Timesteps that fill half an hour.
+    /// What clocks show at each timestep, h.
+    hour: Vec<f64>,
+    /// Instants of the regular grid for which each timestep stands.
+    instants: Vec<u32>,
+    /// From one such instant to the next, h.
+    step_h: f64,
+    /// Instants that fill half an hour.
     half_hour: usize,
 }
 
 impl<'a> Clock<'a> {
-    pub fn new(axis: &'a TimeAxis) -> Result<Self, Error> {
-        let half_hour = (WORST_DAY_H / axis.step_h - SLACK_H).ceil().max(1.0);
-        if !(axis.step_h > 0.0 && half_hour <= MAX_HALF_HOUR) {
-            return Err(Error::Step(axis.step_h));
+    pub fn new(axis: &'a TimeAxis, clock_h: Option<&[f64]>) -> Result<Self, Error> {
+        let (instants, step_h) = instants(axis)?;
+        let half_hour = (WORST_DAY_H / step_h - SLACK_H).ceil().max(1.0);
+        if !(step_h > 0.0 && half_hour <= MAX_HALF_HOUR) {
+            return Err(Error::Step(step_h));
+        }
+        let (hour, timesteps) = (clock_h.unwrap_or(&axis.hour).to_vec(), axis.day.len());
+        if hour.len() != timesteps {
+            return Err(Error::Calendar { found: hour.len(), timesteps });
         }
         // A weight that isn't a number, or below 0, becomes 0.
         let weight = axis.weight_h.iter().map(|h| (h * BILLIONTHS).round() as u64).collect();
         let month = axis.day.iter().map(|day| month(axis.year, *day)).collect();
-        Ok(Self { axis, weight, month, half_hour: half_hour as usize })
+        let half_hour = half_hour as usize;
+        Ok(Self { axis, weight, month, hour, instants, step_h, half_hour })
     }
 
     pub fn timesteps(&self) -> usize {
@@ -250,7 +268,7 @@ impl<'a> Pixels<'a> {
         for pixel in &mut self.pixels {
             pixel.end_day(self.clock.half_hour);
         }
-        let step_h = self.clock.axis.step_h;
+        let step_h = self.clock.step_h;
         let values = |map: &YearMap| self.pixels.iter().map(|p| p.value(*map, step_h)).collect();
         maps.iter().map(values).collect()
     }
@@ -265,7 +283,7 @@ impl Pixel {
             self.highest_day_after = day_after;
         }
         let at = self.highest.partition_point(|v| *v >= value);
-        if at < clock.half_hour {
+        for _ in 0..(clock.instants[timestep] as usize).min(clock.half_hour - at) {
             self.highest.truncate(clock.half_hour - 1);
             self.highest.insert(at, value);
         }
@@ -307,15 +325,15 @@ impl Pixel {
             self.today = 0;
             self.days += 1;
         }
-        self.today += 1;
+        self.today += clock.instants[timestep];
         self.longest_day = self.longest_day.max(self.today);
         let goes_on = self.end as usize == timestep
             && timestep > 0
             && axis.segment[timestep] == axis.segment[timestep - 1];
-        self.run = if goes_on { self.run + 1 } else { 1 };
+        self.run = if goes_on { self.run } else { 0 } + clock.instants[timestep];
         self.end = timestep as u32 + 1;
         self.longest_run = self.longest_run.max(self.run);
-        let hour = axis.hour[timestep];
+        let hour = clock.hour[timestep];
         let (first, last) = self.hours.unwrap_or((hour, hour));
         self.hours = Some((first.min(hour), last.max(hour)));
     }

@@ -22,17 +22,18 @@ pub struct YearTiles<'a> {
 }
 
 impl<'a> YearTiles<'a> {
-    /// For a picture of `[row, column]` pixels; `spill` is where the file lies.
+    /// For a picture of `[row, column]` pixels; `clock_h` is what clocks show at each timestep, h
+    /// (local standard time if left out), `spill` where the file lies.
     ///
     /// # Errors
     /// A threshold or a time step out of range; a folder that can't be written to.
     pub fn new(
-        axis: &'a TimeAxis,
+        (axis, clock_h): (&'a TimeAxis, Option<&[f64]>),
         [rows, columns]: [usize; 2],
         threshold_w_m2: f64,
         spill: &Path,
     ) -> Result<Self, Error> {
-        let (clock, threshold) = (Clock::new(axis)?, checked(threshold_w_m2)?);
+        let (clock, threshold) = (Clock::new(axis, clock_h)?, checked(threshold_w_m2)?);
         let tiles = tiles(columns, rows, TILE_EDGE);
         let found = Mutex::new(tempfile::tempfile_in(spill).map_err(Error::Maps)?);
         Ok(Self { threshold, clock, maps: YearMap::all(axis), tiles, columns, found })

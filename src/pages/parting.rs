@@ -1,10 +1,9 @@
 //! Photons parted by octree cell, one file each, within a bound on what waits in memory.
 
-use std::fs::{self, OpenOptions};
-use std::io::Write;
+use std::fs;
 use std::path::{Path, PathBuf};
 
-use glintmap_formats::checksum::crc32c_append;
+use glintmap_formats::records::Packer;
 
 use super::Error;
 use super::bucket::{Bucket, SUFFIX};
@@ -24,6 +23,7 @@ pub(super) struct Parting {
     pub cube: Cube,
     level: u32,
     pub buckets: Vec<(Vec<u8>, Bucket)>,
+    packer: Packer,
     buffered: usize,
     buffer_bytes: usize,
     pub photons: u64,
@@ -42,7 +42,7 @@ impl Parting {
     ) -> Result<Self, Error> {
         fs::create_dir_all(dir).map_err(Error::io(dir, "making the folder"))?;
         remove_files(dir)?;
-        Ok(Self::new(dir, cube, (level, cell), expected, buffer_bytes))
+        Self::new(dir, cube, (level, cell), expected, buffer_bytes)
     }
 
     /// The same, with what lies in `dir` left as it is.
@@ -52,14 +52,16 @@ impl Parting {
         (level, cell): (u32, u64),
         expected: u64,
         buffer_bytes: usize,
-    ) -> Self {
+    ) -> Result<Self, Error> {
+        let packer = Packer::new().map_err(Error::io(dir, "making ready to pack photons"))?;
         let down = SPLIT_LEVELS.min(LEVELS - level);
         let level = level + down;
         let first = cell << (3 * down);
-        let bucket = |i| Bucket { level, cell: first + i, photons: 0, crc32c: 0 };
+        let bucket = |i| Bucket { level, cell: first + i, photons: 0, bytes: 0, crc32c: 0 };
         let buckets = (0..1 << (3 * down)).map(|i| (Vec::new(), bucket(i))).collect();
         let dir = dir.to_owned();
-        Self { dir, cube, level, buckets, buffered: 0, buffer_bytes, photons: 0, expected }
+        let (buffered, photons) = (0, 0);
+        Ok(Self { dir, cube, level, buckets, packer, buffered, buffer_bytes, photons, expected })
     }
 
     pub fn push(&mut self, photon: &Packed) -> Result<(), Error> {
@@ -80,23 +82,16 @@ impl Parting {
             if buffer.is_empty() {
                 continue;
             }
-            let path = bucket.path(&self.dir);
-            OpenOptions::new()
-                .create(true)
-                .append(true)
-                .open(&path)
-                .and_then(|mut file| file.write_all(buffer))
-                .map_err(Error::io(
-                    &path,
-                    format!(
-                        "appending {} bytes; {} of {} photons so far, {} bytes needed in all",
-                        buffer.len(),
-                        self.photons,
-                        self.expected,
-                        self.expected.max(self.photons).saturating_mul(RECORD_BYTES as u64)
-                    ),
-                ))?;
-            bucket.crc32c = crc32c_append(bucket.crc32c, buffer);
+            bucket.append(&self.dir, buffer, &mut self.packer).map_err(Error::io(
+                &bucket.path(&self.dir),
+                format!(
+                    "appending {} photons; {} of {} so far, which need up to {} bytes in all",
+                    buffer.len() / RECORD_BYTES,
+                    self.photons,
+                    self.expected,
+                    self.expected.max(self.photons).saturating_mul(RECORD_BYTES as u64)
+                ),
+            ))?;
             // Freed, not cleared: buckets that stay quiet must not keep what they once needed.
             *buffer = Vec::new();
         }

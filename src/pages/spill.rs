@@ -9,7 +9,7 @@ use glintmap_formats::seal;
 use super::Error;
 use super::bucket::Bucket;
 use super::morton::Cube;
-use super::packed::{Packed, RECORD_BYTES};
+use super::packed::Packed;
 use super::parting::{Parting, SPLIT_LEVELS, remove_files};
 use crate::base::{Aabb, Photon, PhotonSink, Progress, SinkError};
 
@@ -17,7 +17,7 @@ use crate::base::{Aabb, Photon, PhotonSink, Progress, SinkError};
 pub(super) const SUMMARY: &str = "spill.json";
 /// The file that says how far a spill that isn't complete can be trusted.
 pub(super) const CHECKPOINT: &str = "checkpoint.json";
-const VERSION: u32 = 2;
+const VERSION: u32 = 3;
 const SUMMARY_BYTES_MAX: u64 = 64 << 20;
 
 /// What a completed spill holds.
@@ -113,7 +113,7 @@ impl Spill {
         let Ok(Checkpoint { note, spill }) = serde_json::from_slice(&text) else { return Ok(None) };
         let long_enough = |bucket: &Bucket| {
             let length = fs::metadata(bucket.path(dir)).map_or(0, |m| m.len());
-            bucket.photons.checked_mul(RECORD_BYTES as u64).is_some_and(|bytes| bytes <= length)
+            bucket.bytes <= length
         };
         let usable = read.is_ok()
             && spill.is_sound()
@@ -129,7 +129,7 @@ impl Spill {
             fs::remove_file(&summary).map_err(Error::io(&summary, doing))?;
         }
         let buffer_bytes = buffer_bytes(memory_bytes);
-        let mut parting = Parting::new(dir, spill.cube, (0, 0), expected, buffer_bytes);
+        let mut parting = Parting::new(dir, spill.cube, (0, 0), expected, buffer_bytes)?;
         parting.photons = spill.photons;
         for bucket in &spill.buckets {
             parting.buckets[bucket.cell as usize].1 = *bucket;
@@ -138,7 +138,7 @@ impl Spill {
             let path = bucket.path(dir);
             let cut = match OpenOptions::new().write(true).open(&path) {
                 Ok(_) if bucket.photons == 0 => fs::remove_file(&path),
-                Ok(file) => file.set_len(bucket.photons * RECORD_BYTES as u64),
+                Ok(file) => file.set_len(bucket.bytes),
                 Err(e) if bucket.photons == 0 && e.kind() == io::ErrorKind::NotFound => Ok(()),
                 Err(e) => Err(e),
             };

@@ -76,7 +76,46 @@ pub struct Swatch {
     pub label: String,
 }
 
+/// Colours of sources that stay apart for the colour-blind (Okabe and Ito 2008), the darker ones
+/// first.
+pub const SURFACES: [[u8; 3]; 7] = [
+    [0, 114, 178],
+    [213, 94, 0],
+    [0, 158, 115],
+    [204, 121, 167],
+    [230, 159, 0],
+    [86, 180, 233],
+    [240, 228, 66],
+];
+const MONTHS: [&str; 12] =
+    ["Jan", "Feb", "Mar", "Apr", "May", "Jun", "Jul", "Aug", "Sep", "Oct", "Nov", "Dec"];
+
 impl Axis {
+    /// The days of a year from 0, its months named.
+    pub fn days_of_year(leap: bool) -> Self {
+        let lengths = [31, 28 + i32::from(leap), 31, 30, 31, 30, 31, 31, 30, 31, 30, 31];
+        let mut axis = Self::default();
+        for (name, length) in MONTHS.into_iter().zip(lengths) {
+            let (start, length) = (axis.to, f64::from(length));
+            axis.lines.push(start);
+            axis.words.push((start + length / 2.0, name.to_owned()));
+            axis.to = start + length;
+        }
+        axis
+    }
+
+    /// Hours of the day, every second one marked; `from` and `to` are even.
+    pub fn clock(from: f64, to: f64, label: String) -> Self {
+        let marks = || (0..14).map(|i| f64::from(i) * 2.0).filter(|h| (from..=to).contains(h));
+        Self {
+            label,
+            from,
+            to,
+            lines: marks().collect(),
+            words: marks().map(|h| (h, format!("{:02}:00", h as u32 % 24))).collect(),
+        }
+    }
+
     /// Position of a value between 0 and 1.
     fn position(&self, value: f64) -> f64 {
         let span = self.to - self.from;

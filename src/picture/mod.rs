@@ -5,7 +5,6 @@
 //! * [`palette`], [`scale`]: from a value to a colour, and the ticks of the legend.
 //! * [`compose`], [`tonemap`]: from rasters to colours per pixel.
 //! * [`chart`]: coloured cells over two axes, with words.
-//! * [`occurrence`]: days against hours, coloured by source.
 //! * [`scatter`]: points over two logarithmic axes.
 //! * [`figure`]: the finished picture: title, legend, scale bar, north arrow, markers, notes.
 
@@ -21,7 +20,6 @@ pub mod hdr;
 mod layout;
 mod legend;
 mod marks;
-pub mod occurrence;
 pub mod palette;
 pub mod png;
 pub mod polar;

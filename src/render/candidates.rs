@@ -8,7 +8,7 @@
 use glam::Vec3;
 
 use super::Estimator;
-use super::loaded::{Accept, Light, Loaded};
+use super::loaded::{Light, Loaded};
 
 /// Candidates that are looked at together.
 const LANES: usize = 16;
@@ -36,6 +36,13 @@ pub(super) struct Bound {
     pub index: u64,
     /// Whether the k-th photon sets it; if not, the largest radius does.
     pub full: bool,
+}
+
+impl Bound {
+    /// How far the photons reach that it bounds, a little more than less, m.
+    pub fn reach_m(&self) -> f32 {
+        self.distance2_m2.sqrt() * (1.0 + SLACK)
+    }
 }
 
 /// How far away the k-th photon lay from the point before.
@@ -104,7 +111,7 @@ impl Candidates {
         loaded: &Loaded,
         centre: Vec3,
         radius_m: f32,
-        accept: Option<&Accept<'_>>,
+        accept: Option<impl Fn(Vec3, Vec3) -> bool>,
     ) {
         (self.centre, self.radius_m) = (centre, radius_m);
         let wide = radius_m * (1.0 + 2.0 * SLACK) + 1e-6;
@@ -120,6 +127,24 @@ impl Candidates {
         }
         self.distance2.resize(lanes, [0.0; LANES]);
         self.counts.resize(lanes, [0; 2]);
+        self.inside.resize(lanes, 0);
+        self.before.clear();
+        self.before.resize(lanes, 0);
+        self.anew = true;
+    }
+
+    /// Takes all that was loaded, at square distances that are known.
+    pub fn found(&mut self, distances: impl ExactSizeIterator<Item = f32>) {
+        let count = distances.len();
+        let lanes = count.div_ceil(LANES);
+        self.who.clear();
+        self.who.extend(0..count as u32);
+        self.distance2.clear();
+        self.distance2.resize(lanes, [f32::NAN; LANES]);
+        for (at, d) in distances.enumerate() {
+            self.distance2[at / LANES][at % LANES] = d;
+        }
+        self.places.clear();
         self.inside.resize(lanes, 0);
         self.before.clear();
         self.before.resize(lanes, 0);

@@ -18,9 +18,6 @@ pub(super) struct Light {
     pub timestep: u32,
 }
 
-/// Whether a photon, by place and normal, may count.
-pub(super) type Accept<'a> = dyn Fn(Vec3, Vec3) -> bool + 'a;
-
 /// Photons in store order, with boxes around those that follow each other (and lie close together,
 /// because the store is in Morton order).
 #[derive(Debug, Default)]
@@ -63,7 +60,7 @@ impl Loaded {
     }
 
     /// Becomes those of `from` that `accept` lets through.
-    pub fn take(&mut self, from: &Self, accept: &Accept<'_>) {
+    pub fn take(&mut self, from: &Self, accept: impl Fn(Vec3, Vec3) -> bool) {
         self.clear();
         for (i, (&normal, &light)) in from.normal.iter().zip(&from.light).enumerate() {
             let position = from.position(i);
@@ -71,6 +68,10 @@ impl Loaded {
                 self.push(position, normal, light);
             }
         }
+    }
+
+    pub fn normals(&self) -> &[Vec3] {
+        &self.normal
     }
 
     pub fn position(&self, i: usize) -> Vec3 {
@@ -81,12 +82,13 @@ impl Loaded {
         &self.light[i as usize]
     }
 
-    /// Lists the photons within a distance of a point that `accept` lets through, in their order.
+    /// Lists the photons within a distance of a point that `accept` lets through by place and
+    /// normal, in their order.
     pub fn within(
         &self,
         point: Vec3,
         distance2_m2: f32,
-        accept: Option<&Accept<'_>>,
+        accept: Option<impl Fn(Vec3, Vec3) -> bool>,
         out: &mut Vec<u32>,
     ) {
         out.clear();
@@ -113,11 +115,18 @@ impl Loaded {
                 room[kept % BLOCK] = (from + i) as u32;
                 kept += usize::from(near <= distance2_m2);
             }
+            if let Some(accept) = &accept {
+                let listed = kept;
+                kept = 0;
+                for i in 0..listed {
+                    let photon = room[i];
+                    room[kept] = photon;
+                    let photon = photon as usize;
+                    kept += usize::from(accept(self.position(photon), self.normal[photon]));
+                }
+            }
             used += kept;
         }
         out.truncate(used);
-        if let Some(accept) = accept {
-            out.retain(|&i| accept(self.position(i as usize), self.normal[i as usize]));
-        }
     }
 }

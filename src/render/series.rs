@@ -8,7 +8,7 @@ use super::fixed::square;
 use super::gather::{Fluxes, rounded, weighed};
 use super::loaded::Light;
 use super::order::Order;
-use super::share::{Beam, Found, Scratch, Shared};
+use super::share::{Beam, Found, Scratch, Shared, Spot};
 use super::surfaces::Surfaces;
 use super::{Error, Gather, HitMap};
 use crate::base::{Grid, Progress, SeriesEntry, TileSink};
@@ -250,7 +250,7 @@ impl TileSeries {
 
 /// The time series: at every pixel the k nearest photons of all suns give one radius, and are
 /// summed per timestep. Goes into `sink` tile by tile; of tiles that are there already only the
-/// noise is computed again, so that an interrupted run goes on where it stopped. Memory holds the
+/// noise is computed again, and that only where the sink didn't keep it. Memory holds the
 /// tiles at work. Without `surfaces` a disc is a disc wherever it lies.
 ///
 /// # Errors
@@ -282,36 +282,59 @@ pub fn series(
             let mut summary = SeriesSummary::default();
             tile_series.clear();
             noise.clear();
-            shared.tile(&order.spots(tile), scratch, &integers, None, |spot, mut found| {
+            let spots = order.spots(tile);
+            let there = sink.has(tile);
+            let noted = if there { sink.noted(tile) } else { None };
+            if let Some(noted) = noted.filter(|n| n.len() >= 2 * tile.pixels()) {
+                let (photon, radius) = noted.split_at(tile.pixels());
+                let of = |spot: &Spot| {
+                    let pixel = usize::from(spot.pixel);
+                    (order.index(tile, spot.pixel), photon[pixel], radius[pixel])
+                };
+                noise.extend(spots.iter().map(of));
+                keep(&total, &SeriesSummary { tiles_present: 1, ..summary }, noise);
+                progress.advance(tile.pixels() as u64);
+                return Ok(());
+            }
+            let mut notes = vec![0.0; 2 * tile.pixels()];
+            shared.tile(&spots, scratch, &integers, None, |spot, mut found| {
                 let made = tile_series.pixel(spot.pixel, &mut found, &fluxes, how);
                 let disc = &found.disc;
-                noise.push((order.index(tile, spot.pixel), made.photon_w_m2, disc.radius_m as f32));
+                let radius_m = disc.radius_m as f32;
+                noise.push((order.index(tile, spot.pixel), made.photon_w_m2, radius_m));
+                notes[usize::from(spot.pixel)] = made.photon_w_m2;
+                notes[tile.pixels() + usize::from(spot.pixel)] = radius_m;
                 summary.pixels += 1;
                 summary.lit_pixels += u64::from(made.lit > 0);
                 summary.lit_timesteps += made.lit as u64;
                 summary.photons += made.photons;
                 summary.floored += u64::from(disc.floored);
             })?;
-            if sink.has(tile) {
+            sink.note(tile, &notes)?;
+            if there {
                 summary = SeriesSummary { tiles_present: 1, ..Default::default() };
             } else {
                 sink.put(tile, tile_series.sorted())?;
                 summary.tiles_rendered = 1;
             }
-            // Tiles don't overlap: the lock decides who writes first, not what is written.
-            let mut all = total.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
-            all.summary.add(&summary);
-            for &(index, photon_w_m2, radius_m) in noise.iter() {
-                all.photon_w_m2.data_mut()[index] = photon_w_m2;
-                all.radius_m.data_mut()[index] = radius_m;
-            }
-            drop(all);
+            keep(&total, &summary, noise);
             progress.advance(tile.pixels() as u64);
             Ok::<(), Error>(())
         },
     )?;
     progress.finish();
     Ok(total.into_inner().unwrap_or_else(std::sync::PoisonError::into_inner))
+}
+
+/// Adds what a tile gave. Tiles don't overlap: the lock decides who writes first, not what is
+/// written.
+fn keep(total: &Mutex<Series>, summary: &SeriesSummary, noise: &[(usize, f32, f32)]) {
+    let mut all = total.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
+    all.summary.add(summary);
+    for &(index, photon_w_m2, radius_m) in noise {
+        all.photon_w_m2.data_mut()[index] = photon_w_m2;
+        all.radius_m.data_mut()[index] = radius_m;
+    }
 }
 
 #[cfg(test)]

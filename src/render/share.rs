@@ -12,16 +12,18 @@ use glam::Vec3;
 
 use super::candidates::{Answer, Bound, Candidates, Change, Last, Wanted};
 use super::estimate::{Kernel, MIN_RADIUS_M};
-use super::loaded::{Accept, Light, Loaded};
+use super::loaded::{Light, Loaded};
 use super::surfaces::{Mask, Plane, Surfaces, Tolerance};
 use super::{Error, Gather};
 use crate::base::Aabb;
-use crate::pages::{Neighbours, Query, Store};
+use crate::pages::{Neighbour, Neighbours, Query, Store};
 
 /// How much farther than its middle pixel a group looks.
 const AHEAD: f32 = 1.5;
-/// The same where the middle pixel is the only one: just beyond rounding.
-const ALONE: f32 = 1.0005;
+/// So few pixels that aren't worth their photons together are searched for one by one.
+const FEW: usize = 4;
+/// What a search of its own costs besides, in photons.
+const SEARCH: f32 = 100.0;
 /// Pixels share a list of candidates within this part of their radius around their middle ...
 const SPREAD: f32 = 0.3;
 /// ... which reaches farther than the radius before by this part,
@@ -30,8 +32,8 @@ const SPARE: f32 = 0.04;
 const LONGER: f32 = 1.25;
 /// How much farther pixels look that didn't find enough.
 const FARTHER: f32 = 1.7;
-/// A group is worth its photons where there are at most this many for each that its pixels ask
-/// for.
+/// A group is worth its photons where there are at most this many for each that its pixels would
+/// meet one by one.
 const WORTH: f32 = 0.5;
 /// Largest extent of a group in reaches: it bounds the raster.
 const MOST_REACHES: f32 = 12.0;
@@ -175,11 +177,19 @@ impl<'a> Shared<'a> {
             let reach_m = match reach_m {
                 Some(reach_m) => reach_m,
                 None => {
-                    let radius_m = self.pilot(&group[middle], scratch)?;
-                    let alone = group.len() == 1 && self.gather.is_open();
-                    let ahead = if alone { ALONE } else { AHEAD };
-                    let reach_m = (radius_m * ahead).min(self.max_radius_m);
-                    if group.len() > 1 && !self.worth(&group, reach_m)? {
+                    if group.len() <= FEW && self.is_open() {
+                        for (&number, spot) in numbers.iter().zip(&group) {
+                            let found = self.alone(spot, scratch, value)?;
+                            let by = record.groups.len() as u32;
+                            record.discs[number as usize] = Some((found.disc, by));
+                            record.groups.push((vec![number], found.disc.bound.reach_m()));
+                            each(spot, found);
+                        }
+                        continue;
+                    }
+                    let (radius_m, found) = self.pilot(&group[middle], scratch)?;
+                    let reach_m = (radius_m * AHEAD).min(self.max_radius_m);
+                    if group.len() > 1 && !self.worth(&group, reach_m, found)? {
                         halves(&mut jobs, None);
                         continue;
                     }
@@ -259,31 +269,71 @@ impl<'a> Shared<'a> {
     }
 
     /// Whether a group is better off together.
-    fn worth(&self, group: &[Spot], reach_m: f32) -> Result<bool, Error> {
+    fn worth(&self, group: &[Spot], reach_m: f32, found: usize) -> Result<bool, Error> {
         let around = Aabb::around(group.iter().map(|s| s.position));
         let extent = around.size().max_element();
         if self.surfaces.is_some() && extent > MOST_REACHES * reach_m {
             return Ok(false);
         }
-        let most = WORTH * self.gather.bandwidth as f32 * group.len() as f32;
+        let most = WORTH * (found as f32 + SEARCH) * group.len() as f32;
         let most = most.min(0.8 * self.most_loaded() as f32);
         Ok(self.store.about_in_box(grown(around, reach_m), most)? <= most)
     }
 
-    /// Radius that a pixel needs on an open surface, m.
-    fn pilot(&self, spot: &Spot, scratch: &mut Scratch) -> Result<f32, Error> {
-        let query = Query {
+    /// Whether discs end nowhere and take what the store's own search finds.
+    fn is_open(&self) -> bool {
+        self.surfaces.is_none() && self.gather.is_open()
+    }
+
+    fn query(&self, spot: &Spot) -> Query {
+        Query {
             point: spot.position,
             normal: spot.normal,
             count: self.gather.bandwidth,
             max_radius_m: self.max_radius_m,
-        };
+        }
+    }
+
+    /// Radius that a pixel needs on an open surface, m, and the photons within.
+    fn pilot(&self, spot: &Spot, scratch: &mut Scratch) -> Result<(f32, usize), Error> {
         let found = &mut scratch.pilot;
-        self.store.nearest(&query, found)?;
-        Ok(match found.farthest().filter(|_| found.full()) {
+        self.store.nearest(&self.query(spot), found)?;
+        let radius_m = match found.farthest().filter(|_| found.full()) {
             Some(at) => found.items()[at].distance2_m2.sqrt().max(MIN_RADIUS_M as f32),
             None => self.max_radius_m,
-        })
+        };
+        Ok((radius_m, found.items().len()))
+    }
+
+    /// The disc of a pixel on an open surface, by a search of its own.
+    fn alone<'s>(
+        &self,
+        spot: &Spot,
+        scratch: &'s mut Scratch,
+        value: &impl Fn(Beam) -> Option<[i64; 2]>,
+    ) -> Result<Found<'s>, Error> {
+        let Scratch { pilot: found, loaded, candidates, .. } = scratch;
+        self.store.nearest(&self.query(spot), found)?;
+        loaded.clear();
+        for n in found.items() {
+            let beam = Beam { flux_w: n.flux_w, cos: n.cos, timestep: n.timestep };
+            let [e, e_n] = value(beam).unwrap_or_default();
+            let light = Light { surface: e, normal: e_n, index: n.index, timestep: n.timestep };
+            loaded.push(spot.position, spot.normal, light);
+        }
+        candidates.found(found.items().iter().map(|n| n.distance2_m2));
+        let bound = match found.farthest().filter(|_| found.full()) {
+            Some(last) => {
+                let Neighbour { distance2_m2, index, .. } = found.items()[last];
+                let index = index + self.gather.estimator.keeps_last();
+                Bound { distance2_m2, index, full: true }
+            }
+            None => {
+                let distance2_m2 = self.max_radius_m * self.max_radius_m;
+                Bound { distance2_m2, index: u64::MAX, full: false }
+            }
+        };
+        Ok(Found { disc: self.disc(bound, |_| 1.0), loaded, candidates })
     }
 
     /// Loads the photons within reach of a group; false where they are too many.
@@ -379,11 +429,14 @@ impl<'a> Shared<'a> {
                 // Many pixels on one plane are worth photons of their own; few sort out what they
                 // find among all.
                 let worth = todo.len() * self.gather.bandwidth >= loaded.len();
-                let (photons, accept): (&Loaded, Option<&Accept<'_>>) = if worth {
+                let whole = !level && loaded.normals().iter().all(|n| accept(Vec3::ZERO, *n));
+                let (photons, accept) = if whole {
+                    (&*loaded, None)
+                } else if worth {
                     own.take(loaded, &accept);
-                    (own, None)
+                    (&*own, None)
                 } else {
-                    (loaded, Some(&accept))
+                    (&*loaded, Some(&accept))
                 };
                 self.spots(group, todo, (reach_m, mask, accept), (photons, candidates), answer);
             }
@@ -395,7 +448,7 @@ impl<'a> Shared<'a> {
         &self,
         group: &[Spot],
         todo: &[(u32, Option<Disc>)],
-        (reach_m, mask, accept): (f32, Option<&Mask>, Option<&Accept<'_>>),
+        (reach_m, mask, accept): (f32, Option<&Mask>, Option<&impl Fn(Vec3, Vec3) -> bool>),
         (loaded, candidates): (&Loaded, &mut Candidates),
         answer: &mut impl FnMut(usize, Option<Found<'_>>),
     ) {

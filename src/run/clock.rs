@@ -5,6 +5,7 @@ use jiff::tz::TimeZone;
 use jiff::{SignedDuration, Timestamp};
 
 use super::project::SiteTable;
+use crate::volume::TimeAxis;
 
 /// Turns (day of year, hour of local standard time) into dates and civil times.
 #[derive(Clone, Debug)]
@@ -62,6 +63,12 @@ impl Clock {
         hour + (f64::from(zone.to_offset(utc).seconds()) - standard_s) / 3600.0
     }
 
+    /// What clocks show at each timestep of an axis, h from midnight.
+    pub fn hours(&self, axis: &TimeAxis) -> Vec<f64> {
+        let at = |(day, hour): (&u32, &f64)| self.civil_hour(*day, *hour).rem_euclid(24.0);
+        axis.day.iter().zip(&axis.hour).map(at).collect()
+    }
+
     /// The zone's name as people know it.
     pub fn zone(&self) -> String {
         match self.zone.as_ref().and_then(TimeZone::iana_name) {
@@ -97,6 +104,33 @@ mod tests {
         assert_eq!((clock.date(0).as_str(), clock.date(171).as_str()), ("1 January", "21 June"));
         assert_eq!(clock.time(171, 7.5), "08:30");
         assert_eq!((clock.civil_hour(171, 7.5), clock.civil_hour(0, 7.5)), (8.5, 7.5));
+        // Summer time begins on 30 March at 2 o'clock and ends on 26 October at 3 (standard: 2).
+        let axis = |days: &[(u32, f64)]| {
+            let suns = vec![glam::DVec3::Z; days.len()];
+            TimeAxis {
+                day: days.iter().map(|d| d.0).collect(),
+                hour: days.iter().map(|d| d.1).collect(),
+                sun: suns,
+                weight_h: vec![1.0; days.len()],
+                segment: vec![0; days.len()],
+                step_h: 1.0,
+                half_year: false,
+                year: 2025,
+                sun_diameter_deg: 0.5,
+                basis: crate::base::SpectralBasis::Broadband,
+            }
+        };
+        let days = [
+            (87, 7.0),
+            (88, 1.0),
+            (88, 2.0),
+            (88, 7.0),
+            (297, 7.0),
+            (298, 1.0),
+            (298, 2.0),
+            (171, 23.5),
+        ];
+        assert_eq!(clock.hours(&axis(&days)), [7.0, 1.0, 3.0, 8.0, 8.0, 2.0, 2.0, 0.5]);
         site.timezone = None;
         assert_eq!(Clock::new(&site, 2025).show(171, 7.5), "06-21 07:30 UTC+1");
     }

@@ -6,14 +6,15 @@ use rustix::time::{ClockId, clock_gettime};
 use serde::Serialize;
 
 /// Measures wall time and the process's processor time.
-pub(super) struct Watch {
+#[derive(Debug)]
+pub struct Watch {
     wall: Instant,
     cpu_s: f64,
 }
 
 /// What a [`Watch`] reads.
 #[derive(Clone, Copy, Debug, Serialize)]
-pub(super) struct Took {
+pub struct Took {
     /// Wall time, s.
     wall_s: f64,
     /// Processor time over all threads, s.
@@ -21,10 +22,12 @@ pub(super) struct Took {
 }
 
 impl Watch {
+    /// Begins to measure.
     pub fn start() -> Self {
         Self { wall: Instant::now(), cpu_s: cpu_s() }
     }
 
+    /// What went by since.
     pub fn read(&self) -> Took {
         Took { wall_s: self.wall.elapsed().as_secs_f64(), cpu_s: cpu_s() - self.cpu_s }
     }

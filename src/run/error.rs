@@ -62,7 +62,7 @@ pub enum Error {
         path: PathBuf,
     },
     /// A full disk, foreseen.
-    #[error("this run is expected to need {needed} on disk, {free} are free at {}; free some, lower photons.stored or the views' sizes, or put the project elsewhere", path.display())]
+    #[error("this run is expected to need {needed} on disk, {free} are free at {}; {remedy}", path.display())]
     Disk {
         /// The run folder.
         path: PathBuf,
@@ -70,6 +70,8 @@ pub enum Error {
         needed: String,
         /// Free bytes, in words.
         free: String,
+        /// What would make room.
+        remedy: String,
     },
     /// Something asked for isn't there yet.
     #[error("{what}; run `glintmap run {} --until {stage}` first", project.display())]

@@ -1,31 +1,42 @@
 //! What a run will cost, before an hour is spent.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use serde::Serialize;
 
 use super::error::Error;
 use super::job::{Job, Stage};
-use super::resolve::Resolved;
+use super::resolve::{Candidate, Resolved};
+use crate::site::bsdf::{Bsdf, Term};
 
 /// Rates on two cores at 2.5 GHz, from which times are expected. They are rough: the share of
 /// photons that land decides most, and it is known only after a pilot.
 mod rate {
-    pub const STORED_PER_S: f64 = 150_000.0;
+    pub const STORED_PER_S: f64 = 300_000.0;
     pub const SORTED_PER_S: f64 = 2_000_000.0;
     pub const ANNUAL_NEIGHBOURS_PER_S: f64 = 20e6;
     pub const SERIES_NEIGHBOURS_PER_S: f64 = 40e6;
     pub const HIT_PIXELS_PER_S: f64 = 150_000.0;
     pub const BACKGROUND_PIXELS_PER_S: f64 = 60_000.0;
-    /// Pixels times suns.
-    pub const DIRECT_PER_S: f64 = 1e6;
+    /// Of direct integration: pixels whose sight of the PV is asked, a second.
+    pub const SIGHTS_PER_S: f64 = 8_000.0;
+    /// Lit pixels times suns: of an even surface, and of a lobe of facets as wide as it gets; its
+    /// time grows with the inverse of its width, up to a limit.
+    pub const EVEN_PER_S: f64 = 10e6;
+    pub const LOBE_PER_S: f64 = 2e6;
+    pub const LOBE_WIDTH: f64 = 0.1;
+    /// Delta lobes and the values of files.
+    pub const DELTA_PER_S: f64 = 5e6;
+    pub const MEASURED_PER_S: f64 = 0.5e6;
     pub const VOXELS_PER_S: f64 = 100e6;
     pub const PICTURE_PIXELS_PER_S: f64 = 2e6;
 }
 
-/// Bytes of a photon while it waits to be sorted, and in the store.
+/// Bytes of a photon while it waits on disk to be sorted, and in the store.
 mod size {
-    pub const SPILLED: f64 = 48.0;
+    pub const SPILLED: f64 = 15.0;
+    /// In memory while it is sorted.
+    pub const SORTED: f64 = 96.0;
     pub const STORED: f64 = 12.0;
     pub const STORED_BOUND: f64 = 24.0;
     /// Of a series value that isn't zero, compressed.
@@ -33,6 +44,8 @@ mod size {
     /// Share of a view's pixels and of the timesteps that photons reach, as in the case study.
     pub const LIT_PIXELS: f64 = 0.6;
     pub const LIT_TIMESTEPS: f64 = 0.4;
+    /// Share of a view's pixels that see PV which is lit at some time.
+    pub const LIT_DIRECT: f64 = 0.3;
 }
 
 /// One stage of an [`Estimate`].
@@ -67,6 +80,61 @@ pub struct Estimate {
     pub free_bytes: u64,
     /// Bytes expected on disk at the fullest moment.
     pub disk_bytes: u64,
+    /// The time series of each view that keeps one, for all materials together.
+    pub series: Vec<SeriesEstimate>,
+    /// Where the run folder lies.
+    #[serde(skip)]
+    pub folder: PathBuf,
+}
+
+/// What a view's time series will take.
+#[derive(Clone, Debug, Serialize)]
+pub struct SeriesEstimate {
+    /// The view.
+    pub view: String,
+    /// Bytes on disk, expected.
+    pub disk_bytes: u64,
+}
+
+impl Estimate {
+    /// Refuses a run that is expected to fill the disk, whatever of it is there already.
+    ///
+    /// # Errors
+    /// [`Error::Disk`].
+    pub fn refuse_full_disk(&self) -> Result<(), Error> {
+        let there = used_bytes(&self.folder)?;
+        self.refuse(self.disk_bytes.saturating_sub(there))
+    }
+
+    fn refuse(&self, needed: u64) -> Result<(), Error> {
+        if needed <= self.free_bytes {
+            return Ok(());
+        }
+        Err(Error::Disk {
+            path: self.folder.clone(),
+            needed: bytes_in_words(needed),
+            free: bytes_in_words(self.free_bytes),
+            remedy: self.remedy(needed),
+        })
+    }
+
+    /// What would make room.
+    fn remedy(&self, needed: u64) -> String {
+        let all: u64 = self.series.iter().map(|s| s.disk_bytes).sum();
+        let largest = self.series.iter().max_by_key(|s| s.disk_bytes);
+        match largest.filter(|_| all > needed / 4) {
+            Some(largest) => format!(
+                "the time series take {} of it, most of that view \"{}\": analyse it without \
+                 writing it (`fuse = true`), keep fewer bits (`series_mantissa_bits = 8`), make \
+                 the view smaller, or put the project elsewhere",
+                bytes_in_words(all),
+                largest.view
+            ),
+            None => "free some, lower photons.stored or the views' sizes, or put the project \
+                     elsewhere"
+                .to_owned(),
+        }
+    }
 }
 
 /// Estimates a run; writes nothing.
@@ -85,11 +153,15 @@ pub fn estimate(resolved: &Resolved, memory_bytes: u64) -> Result<Estimate, Erro
     let mut neighbours = (0.0, 0.0);
     let mut series = 0.0;
     let mut direct = 0.0;
+    let mut of_views = Vec::new();
     for v in resolved.with_sensors() {
         let p = resolved.pixels(v) as f64;
         if v.direct {
-            direct += p * size::LIT_PIXELS * steps;
-            series += p * size::LIT_PIXELS * steps * size::LIT_TIMESTEPS * size::SERIES;
+            direct += p;
+            let kept = 1.0 + f64::from(u8::from(v.both));
+            let bytes = kept * p * size::LIT_DIRECT * steps * size::LIT_TIMESTEPS * size::SERIES;
+            series += bytes;
+            of_views.push((v.name.clone(), bytes));
             continue;
         }
         let k = v.series_bandwidth.unwrap_or_else(|| (3 * timeline.steps.len()).max(4000)) as f64;
@@ -97,7 +169,12 @@ pub fn estimate(resolved: &Resolved, memory_bytes: u64) -> Result<Estimate, Erro
         neighbours.1 += p * size::LIT_PIXELS * k;
         // A fused view keeps no series.
         let kept = if v.fuse { 0.0 } else { 1.0 + f64::from(u8::from(v.both)) };
-        series += kept * p * size::LIT_PIXELS * (steps * size::LIT_TIMESTEPS).min(k) * size::SERIES;
+        let lit = p * size::LIT_PIXELS * (steps * size::LIT_TIMESTEPS).min(k);
+        // A number has 24 bits of mantissa and sign; those that were dropped cost nothing.
+        let bits = 8.0 + f64::from(v.annual.mantissa_bits.min(16)) * 16.0 / 16.0;
+        let bytes = kept * lit * size::SERIES * bits / 24.0;
+        series += bytes;
+        of_views.push((v.name.clone(), bytes));
     }
     let budget = memory_bytes as f64;
     let maps = pixels * candidates * (12.0 + 24.0 * thresholds) + pixels * 40.0;
@@ -127,7 +204,7 @@ pub fn estimate(resolved: &Resolved, memory_bytes: u64) -> Result<Estimate, Erro
             photons(stored),
             all,
             (stored * size::SPILLED, stored * size::SPILLED * 1.02),
-            200e6 + (stored * size::SPILLED).min(budget / 4.0),
+            200e6 + (stored * 30.0).min(budget / 16.0),
             all / rate::STORED_PER_S,
         ),
         stage(
@@ -135,7 +212,7 @@ pub fn estimate(resolved: &Resolved, memory_bytes: u64) -> Result<Estimate, Erro
             photons(stored),
             all,
             (all * size::STORED, all * size::STORED_BOUND),
-            (stored * 2.0 * size::SPILLED).min(budget / 2.0),
+            (stored * size::SORTED).min(budget * 0.75),
             all / rate::SORTED_PER_S,
         ),
         stage(
@@ -146,9 +223,9 @@ pub fn estimate(resolved: &Resolved, memory_bytes: u64) -> Result<Estimate, Erro
             300e6 + largest * 120.0,
             pixels / rate::HIT_PIXELS_PER_S
                 + pixels / rate::BACKGROUND_PIXELS_PER_S
+                + resolved.candidates.iter().map(|c| direct * direct_s(c, steps)).sum::<f64>()
                 + candidates
-                    * (direct / rate::DIRECT_PER_S
-                        + neighbours.0 / rate::ANNUAL_NEIGHBOURS_PER_S
+                    * (neighbours.0 / rate::ANNUAL_NEIGHBOURS_PER_S
                         + neighbours.1 / rate::SERIES_NEIGHBOURS_PER_S),
         ),
         stage(
@@ -179,7 +256,30 @@ pub fn estimate(resolved: &Resolved, memory_bytes: u64) -> Result<Estimate, Erro
         stages,
         free_bytes: free_bytes(&resolved.folder)?,
         disk_bytes,
+        series: of_views
+            .into_iter()
+            .filter(|(_, bytes)| *bytes > 0.0)
+            .map(|(view, bytes)| SeriesEstimate { view, disk_bytes: (bytes * candidates) as u64 })
+            .collect(),
+        folder: resolved.folder.join("run"),
     })
+}
+
+/// Time for a pixel that is integrated directly, lit or not, s.
+fn direct_s(candidate: &Candidate, steps: f64) -> f64 {
+    let of_term = |term: Term<'_>| match term {
+        Term::Even(_) => 1.0 / rate::EVEN_PER_S,
+        Term::Measured(_) => 1.0 / rate::MEASURED_PER_S,
+        Term::Lobe(lobe) => lobe.alpha().map_or(1.0 / rate::EVEN_PER_S, |alpha| {
+            (1.0 + rate::LOBE_WIDTH / alpha.max(0.01)) / rate::LOBE_PER_S
+        }),
+    };
+    let of = |bsdf: &Bsdf| {
+        let delta = if bsdf.has_delta() { 1.0 / rate::DELTA_PER_S } else { 0.0 };
+        bsdf.terms().into_iter().map(|(_, term)| of_term(term)).sum::<f64>() + delta
+    };
+    let slowest = candidate.bsdfs.iter().map(of).fold(0.0, f64::max);
+    1.0 / rate::SIGHTS_PER_S + size::LIT_DIRECT * steps * slowest
 }
 
 /// Free bytes for us on the disk where `path`, or the nearest folder above it, lies.
@@ -216,15 +316,7 @@ pub(super) fn refuse_full_disk(job: &Job<'_>) -> Result<(), Error> {
             (s.disk_bytes, stale, of_stage().count())
         })
         .collect();
-    let needed = still_needed(&stages, there);
-    if needed > expected.free_bytes {
-        return Err(Error::Disk {
-            path: job.folder.root().to_owned(),
-            needed: bytes_in_words(needed),
-            free: bytes_in_words(expected.free_bytes),
-        });
-    }
-    Ok(())
+    expected.refuse(still_needed(&stages, there))
 }
 
 /// Bytes that a run still has to find. `stages`: bytes of a whole stage, its units that have to be

@@ -169,7 +169,7 @@ impl Job<'_> {
             .collect())
     }
 
-    fn is_forced(&self, stage: Stage) -> bool {
+    pub fn is_forced(&self, stage: Stage) -> bool {
         self.options.force.is_some_and(|f| stage >= f)
     }
 

@@ -32,6 +32,7 @@ mod words;
 
 pub use clean::{Cleaned, Part, Usage, clean};
 pub use clock::Clock;
+pub use cpu::{Took, Watch};
 pub use create::{Demo, NewScene, Quality, SiteAt, create, demo};
 pub use error::Error;
 pub use estimate::{Estimate, StageEstimate, bytes_in_words, estimate};

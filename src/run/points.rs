@@ -289,26 +289,26 @@ impl Spreader<'_> {
         Ok((samples, notes))
     }
 
+    /// The polygon of a region in plan, local coordinates.
+    pub fn plan(&self, region: &RegionTable) -> Option<Vec<[f64; 2]>> {
+        let map = region.coordinates.as_deref() == Some("map");
+        let local = |[x, y]: &[f64; 2]| {
+            let p = self.local(DVec3::new(*x, *y, 0.0), map);
+            [p.x, p.y]
+        };
+        Some(region.polygon.as_ref()?.iter().map(local).collect())
+    }
+
     fn lattice(&self, r: &RegionTable, objects: &[u32], spacing_m: f64) -> (Vec<Sample>, usize) {
-        match &r.polygon {
+        match self.plan(r) {
             None => (sample_objects(self.site, objects, spacing_m, self.resolved.trace.seed), 0),
-            Some(polygon) => {
-                let map = r.coordinates.as_deref() == Some("map");
-                let local: Vec<[f64; 2]> = polygon
-                    .iter()
-                    .map(|[x, y]| {
-                        let p = self.local(DVec3::new(*x, *y, 0.0), map);
-                        [p.x, p.y]
-                    })
-                    .collect();
-                sample_polygon(self.site, &local, r.height_m, spacing_m)
-            }
+            Some(local) => sample_polygon(self.site, &local, r.height_m, spacing_m),
         }
     }
 
     /// The objects of a region: those with an id, else those whose ids begin with it and a dash
     /// (parts of a building).
-    fn objects(&self, region: &RegionTable) -> Result<Vec<u32>, Error> {
+    pub fn objects(&self, region: &RegionTable) -> Result<Vec<u32>, Error> {
         let mut out = BTreeSet::new();
         for id in region.object.iter().flat_map(|ids| ids.list()) {
             let with = |fits: &dyn Fn(&str) -> bool| -> Vec<u32> {
@@ -364,7 +364,8 @@ fn pixels(view: &View, hits: &HitMap, polygon: &[[f64; 2]]) -> Vec<Sample> {
     out
 }
 
-fn holds(polygon: &[[f64; 2]], x: f64, y: f64) -> bool {
+/// Whether a polygon holds a place.
+pub(super) fn holds(polygon: &[[f64; 2]], x: f64, y: f64) -> bool {
     let mut odd = false;
     for (at, a) in polygon.iter().enumerate() {
         let b = polygon[(at + 1) % polygon.len()];

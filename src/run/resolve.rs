@@ -402,7 +402,8 @@ impl Resolved {
         if view.direct {
             let p = &self.project.photons;
             let scene = (self.scene_key()?, self.suns_key()?, &candidate.models);
-            let how = ("direct", p.max_path_m, p.sun_visibility, self.hits_key(view)?);
+            let sight = (p.max_path_m, p.sun_visibility);
+            let how = ("direct", sight, view.both, self.hits_key(view)?);
             let names = (&candidate.name, &view.name);
             return key_of("render", &(scene, how, &self.project.glare.quantity, names));
         }

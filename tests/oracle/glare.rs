@@ -6,6 +6,7 @@ mod session;
 mod sparse;
 mod spill;
 mod twin;
+mod uneven;
 mod volumes;
 mod year;
 
@@ -100,6 +101,7 @@ fn random_case(number: usize) -> Case {
         3 => [1 + dice.below(30), 1 + dice.below(100), 1],
         4 => [1 + dice.below(4), 70 + dice.below(70), 250 + dice.below(40)],
         5 => [100 + dice.below(200), 1 + dice.below(5), 1 + dice.below(5)],
+        6 => [17 + dice.below(40), 60 + dice.below(90), 1 + dice.below(8)],
         _ => [1 + dice.below(25), 1 + dice.below(25), 1 + dice.below(80)],
     };
     let mut volume = random(dice, shape);

@@ -4,6 +4,7 @@ mod bsdf;
 mod direct;
 mod eyes;
 mod glare;
+mod maps;
 mod mirror;
 mod photons;
 mod picture;

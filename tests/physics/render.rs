@@ -1,7 +1,7 @@
 //! Primary hits on a known scene, and irradiance from photon clouds of known mean.
 
 mod edges;
-mod gather;
+pub mod gather;
 
 use std::f64::consts::PI;
 

@@ -150,7 +150,7 @@ fn corner_factor(a: f64, b: f64) -> f64 {
 }
 
 /// From a point at (x, y) to a rectangle from -half to half at a distance.
-fn square_factor(x: f64, y: f64, half: f64, distance: f64) -> f64 {
+pub fn square_factor(x: f64, y: f64, half: f64, distance: f64) -> f64 {
     let part = |x: f64, y: f64| {
         x.signum() * y.signum() * corner_factor(x.abs() / distance, y.abs() / distance)
     };
@@ -208,7 +208,7 @@ fn a_lambertian_square_lights_a_parallel_one_by_the_closed_form() {
 
 /// The mirror of the tests below: 4 x 4 m, flat; the sun in the west at 30 degrees; a wall in the
 /// east at x = 20.
-fn mirror_scene() -> Scene {
+pub fn mirror_scene() -> Scene {
     Scene::new().pv(horizontal([-2.0, 2.0], [-2.0, 2.0], 0.0), false).quad(wall(
         20.0,
         [-15.0, 15.0],

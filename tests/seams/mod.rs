@@ -6,4 +6,5 @@ mod house;
 mod maps;
 mod memory;
 mod photons;
+mod resumed;
 mod shards;

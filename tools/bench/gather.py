@@ -65,7 +65,7 @@ def ours(glintmap, folder):
     )
     for line in reversed((folder / "run/log/run.jsonl").read_text().splitlines()):
         entry = json.loads(line)
-        if entry.get("unit", "").startswith("render "):
+        if entry.get("unit", "") == "render bench square":
             facts = entry["facts"]
             lit = facts["gathered"]["lit_pixels"]
             cache = facts["cache"]

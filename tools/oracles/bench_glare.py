@@ -4,11 +4,14 @@
     bench_glare.py GLINTMAP [--shape 192 1000 1000] [--repeat 3] [--full] [--sparse] [--memory] [--mask SERIES] [--no-dense]
 
 GLINTMAP is a release build of the program. Times are the CPU's (user and system), so that other
-programs on the machine matter less; the best of several repeats counts. The volume is read from
-the page cache by glintmap, and lies in memory for SciPy and cc3d, which is to their favour.
+programs on the machine matter less; the best of several repeats counts, glintmap and its peers in
+turn. The volume is read from the page cache by glintmap, and lies in memory for SciPy and cc3d,
+which is to their favour; "without reading" leaves out what the same command takes with a threshold
+that nothing reaches and without a filter. The analysis is what glintmap says it took ("took" in its
+JSON); the whole program also starts, writes six maps and the table of events.
 
-1. Gaussian: glintmap with a threshold that nothing reaches, including its reading of the file,
-   against scipy.ndimage.gaussian_filter, sigma 1.
+1. Gaussian: glintmap with a threshold that nothing reaches, against
+   scipy.ndimage.gaussian_filter, sigma 1.
 2. Threshold, events and all durations: glintmap without a filter, against the threshold and
    scipy.ndimage.label alone (no durations), and against cc3d. Two masks: blobs like glare of which
    some per cent lie above the threshold, and 30 % of independent noise.
@@ -16,13 +19,15 @@ the page cache by glintmap, and lies in memory for SciPy and cc3d, which is to t
    blobs: wall clock, with both cores. It is written as a Zarr file of another program.
 4. --full: the same size, every chunk full of noise (4 GB on disk): wall clock, with both cores.
    --size 640 500 2000 takes an eighth of it.
-5. --memory: the highest RssAnon with 4 million pixels, for 200 timesteps of which every chunk is
-   lit, and for 2,000 and 20,000 of which 1 % are.
+5. --memory: the highest RssAnon with 4 million pixels, for 200 timesteps of which every chunk holds
+   the same blobs, for 2,000 and 20,000 of which 1 % do, and for 200 timesteps of noise, a fifth of
+   which lies above the threshold.
 6. --mask SERIES: a real series (of the case study, say), filtered by glintmap beforehand. Threshold,
    events and all durations of that: glintmap, reading it from Zarr and from .npy, against the
    threshold and scipy.ndimage.label alone in memory, each in turn.
 """
 import argparse
+import json
 import os
 import pathlib
 import shutil
@@ -44,12 +49,13 @@ def cpu_of(call, repeat):
 
 
 def run(program, volume, out, arguments, threads=1):
-    """CPU seconds, wall seconds and highest anonymous memory in MiB of one analysis."""
+    """CPU seconds, wall seconds and highest anonymous memory in MiB of one analysis, and the CPU
+    seconds of the analysis alone."""
     before = os.times()
     start = time.perf_counter()
     child = subprocess.Popen(
-        [program, "glare", "analyse", str(volume), "--out", str(out), "--quiet",
-         "--threads", str(threads), *map(str, arguments)], stdout=subprocess.DEVNULL)
+        [program, "glare", "analyse", str(volume), "--out", str(out), "--quiet", "--json",
+         "--threads", str(threads), *map(str, arguments)], stdout=subprocess.PIPE)
     peak = 0
     while child.poll() is None:
         try:
@@ -60,11 +66,12 @@ def run(program, volume, out, arguments, threads=1):
             pass
         time.sleep(0.02)
     wall = time.perf_counter() - start
+    took = json.loads(child.stdout.read() or b"{}").get("took", {}).get("cpu_s", float("nan"))
     after = os.times()
     if child.returncode:
         raise SystemExit(f"glintmap failed with {child.returncode}")
     cpu = after.children_user + after.children_system - before.children_user - before.children_system
-    return cpu, wall, peak / 1024
+    return cpu, wall, peak / 1024, took
 
 
 def blobs(shape, share, seed):
@@ -80,36 +87,37 @@ def dense(options, folder):
     shape, program = tuple(options.shape), options.glintmap
     voxels = np.prod(shape) / 1e6
     path = folder / "volume.npy"
-    def ours(volume, *more):
-        """The whole program, and the same without what two timesteps cost as well: starting,
-        writing the maps."""
+
+    def compare(volume, what, peers, *more):
         np.save(path, volume)
-        np.save(folder / "two.npy", volume[:2])
-        best = lambda p: min(run(program, p, folder / "out", more)[0] for _ in range(options.repeat))
-        whole = best(path)
-        return whole, (whole - best(folder / "two.npy")) * shape[0] / (shape[0] - 2)
+        best = dict.fromkeys(["whole", "analysis", "reading", *peers], float("inf"))
+        for _ in range(options.repeat):
+            cpu, _, _, took = run(program, path, folder / "out", more)
+            best["whole"], best["analysis"] = min(best["whole"], cpu), min(best["analysis"], took)
+            took = run(program, path, folder / "out", ["--threshold", "1e30", "--sigma", 0, 0, 0])[3]
+            best["reading"] = min(best["reading"], took)
+            for name, call in peers.items():
+                best[name] = min(best[name], cpu_of(call, 1))
+        alone = best["analysis"] - best["reading"]
+        print(f"{what}: glintmap {voxels / best['analysis']:.0f} Mvoxel/s, {voxels / alone:.0f} without reading")
+        for name in peers:
+            print(f"  {name} {voxels / best[name]:.0f} Mvoxel/s: {best[name] / best['analysis']:.2f}x, without reading "
+                  f"{best[name] / alone:.2f}x, whole program {best[name] / best['whole']:.2f}x", flush=True)
 
     volume = np.random.default_rng(1).random(shape, np.float32) * 20
-    whole, mine = ours(volume, "--threshold", "1e30")
-    theirs = cpu_of(lambda: ndi.gaussian_filter(volume, 1.0), options.repeat)
-    print(f"Gaussian: glintmap {voxels / mine:.0f}, SciPy {voxels / theirs:.0f} Mvoxel/s: "
-          f"{theirs / mine:.2f}x (whole program {theirs / whole:.2f}x)")
-    _, read = ours(volume, "--threshold", "1e30", "--sigma", 0, 0, 0)
-    print(f"  without its {read:.2f} s of reading and looking: {theirs / (mine - read):.2f}x", flush=True)
+    compare(volume, "Gaussian", {"SciPy": lambda: ndi.gaussian_filter(volume, 1.0)}, "--threshold", "1e30")
+    structure = ndi.generate_binary_structure(3, 1)
     for name, volume in [("blobs", blobs(shape, 0.05, 2)), ("30 % noise", np.where(volume > 14, volume, 0))]:
         volume = np.ascontiguousarray(volume, np.float32)
         share = (volume > 10).mean()
-        whole, mine = ours(volume, "--threshold", "10", "--sigma", 0, 0, 0)
-        structure = ndi.generate_binary_structure(3, 1)
-        scipy = cpu_of(lambda: ndi.label(volume > np.float32(10), structure), options.repeat)
-        print(f"threshold, events, durations, {name}, {share:.1%} above: glintmap {voxels / mine:.0f}, "
-              f"SciPy {voxels / scipy:.0f} Mvoxel/s: {scipy / mine:.2f}x (whole program {scipy / whole:.2f}x)", end="")
+        peers = {"SciPy's label": lambda: ndi.label(volume > np.float32(10), structure)}
         try:
             import cc3d
-            fast = cpu_of(lambda: cc3d.connected_components(volume > np.float32(10), connectivity=6), options.repeat)
-            print(f"; cc3d {voxels / fast:.0f} Mvoxel/s: {fast / mine:.2f}x")
+            peers["cc3d"] = lambda: cc3d.connected_components(volume > np.float32(10), connectivity=6)
         except ImportError:
-            print("; cc3d isn't installed")
+            print("cc3d isn't installed")
+        compare(volume, f"threshold, events, durations, {name}, {share:.1%} above", peers,
+                "--threshold", "10", "--sigma", 0, 0, 0)
 
 
 def write_zarr(path, shape, share, seed):
@@ -160,14 +168,14 @@ def full(options, folder):
     shape = tuple(options.size)
     path = folder / "full.zarr"
     write_full(path, shape)
-    cpu, wall, peak = run(options.glintmap, path, folder / "out", ["--threshold", "10.8"], threads=2)
+    cpu, wall, peak, _ = run(options.glintmap, path, folder / "out", ["--threshold", "10.8"], threads=2)
     print(f"{shape}, all of it lit ({np.prod(shape) * 4 / 1e9:.1f} GB): {wall:.1f} s ({cpu:.1f} s of CPU), {peak:.0f} MiB")
 
 
 def sparse(options, folder):
     path = folder / "sparse.zarr"
     write_zarr(path, tuple(options.size), 0.01, 3)
-    cpu, wall, peak = run(options.glintmap, path, folder / "out", ["--threshold", "10"], threads=2)
+    cpu, wall, peak, _ = run(options.glintmap, path, folder / "out", ["--threshold", "10"], threads=2)
     print(f"{tuple(options.size)}, 1 % of the chunks lit: {wall:.1f} s ({cpu:.1f} s of CPU), {peak:.0f} MiB")
 
 
@@ -179,28 +187,32 @@ def mask(options, folder):
     volume = np.load(path)
     structure = ndi.generate_binary_structure(3, 1)
     arguments = ["--threshold", level, "--sigma", 0, 0, 0, "--segments", "none"]
-    best = dict.fromkeys(("zarr", "npy", "scipy"), float("inf"))
+    best = dict.fromkeys(("zarr", "npy", "whole zarr", "whole npy", "scipy"), float("inf"))
     for _ in range(options.repeat):
-        best["zarr"] = min(best["zarr"], run(options.glintmap, volume_path, folder / "out", arguments)[0])
-        best["npy"] = min(best["npy"], run(options.glintmap, path, folder / "out", arguments)[0])
+        for name, at in (("zarr", volume_path), ("npy", path)):
+            cpu, _, _, took = run(options.glintmap, at, folder / "out", arguments)
+            best[name], best[f"whole {name}"] = min(best[name], took), min(best[f"whole {name}"], cpu)
         best["scipy"] = min(best["scipy"], cpu_of(lambda: ndi.label(volume > np.float32(level), structure), 1))
     voxels = volume.size / 1e6
     lit, above = (volume != 0).mean(), (volume > np.float32(level)).mean()
     print(f"{options.mask}, filtered, {volume.shape}: {above:.3%} above, {lit:.2%} not 0; SciPy's label {best['scipy']:.2f} s, "
           f"{voxels / best['scipy']:.0f} Mvoxel/s")
     for name in ("zarr", "npy"):
-        print(f"  whole program from {name}: {best[name]:.2f} s, {voxels / best[name]:.0f} Mvoxel/s, {best['scipy'] / best[name]:.2f}x")
+        print(f"  from {name}: {best[name]:.2f} s, {voxels / best[name]:.0f} Mvoxel/s, {best['scipy'] / best[name]:.2f}x; "
+              f"whole program {best['whole ' + name]:.2f} s, {best['scipy'] / best['whole ' + name]:.2f}x")
 
 
 def memory(options, folder):
-    for timesteps in options.lengths:
+    cases = [(n, "every chunk lit" if n <= 200 else "1 % of the chunks lit") for n in options.lengths]
+    for timesteps, what in cases + [(200, "all of it noise, a fifth above")]:
         path = folder / f"memory-{timesteps}.zarr"
-        if timesteps <= 200:
+        if "noise" in what:
             write_full(path, (timesteps, 2000, 2000))
         else:
-            write_zarr(path, (timesteps, 2000, 2000), 0.01, 4)
-        cpu, wall, peak = run(options.glintmap, path, folder / "out", ["--threshold", "10.8"], threads=2)
-        print(f"{timesteps} timesteps of 4 million pixels: {peak:.0f} MiB anonymous, {wall:.1f} s ({cpu:.1f} s of CPU)")
+            write_zarr(path, (timesteps, 2000, 2000), 1.0 if timesteps <= 200 else 0.01, 4)
+        cpu, wall, peak, _ = run(options.glintmap, path, folder / "out", ["--threshold", "10.8"], threads=2)
+        print(f"{timesteps} timesteps of 4 million pixels, {what}: {peak:.0f} MiB anonymous, {wall:.1f} s ({cpu:.1f} s of CPU)",
+              flush=True)
         shutil.rmtree(path)
 
 

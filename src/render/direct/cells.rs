@@ -1,10 +1,4 @@
 use glam::DVec3;
-use rayon::prelude::*;
-
-use crate::base::{Progress, Timeline};
-use crate::render::Error;
-use crate::render::facet::Facet;
-use crate::site::Site;
 
 /// A triangle of PV or a part of one: each splits into four of a quarter of the area.
 #[derive(Clone, Copy, Debug)]
@@ -14,23 +8,36 @@ pub(super) struct Cell {
     pub level: u32,
     /// Number among the cells of its level; its four parts are `4 index ..`.
     pub index: usize,
+    /// Corners on the triangle's lattice of `2^asked` steps along each edge; without meaning below
+    /// the asked level.
+    pub nodes: [[u16; 2]; 3],
 }
 
 impl Cell {
-    pub(super) fn whole(corners: [DVec3; 3]) -> Self {
-        Self { corners, level: 0, index: 0 }
+    /// A whole triangle whose cells `asked` levels down lie between the nodes of its lattice.
+    pub(super) fn whole(corners: [DVec3; 3], asked: u32) -> Self {
+        let n = 1 << asked;
+        Self { corners, level: 0, index: 0, nodes: [[0, 0], [n, 0], [0, n]] }
     }
 
     pub(super) fn parts(&self) -> [Self; 4] {
         let [a, b, c] = self.corners;
         let (ab, bc, ca) = ((a + b) * 0.5, (b + c) * 0.5, (c + a) * 0.5);
-        let triangles = [[a, ab, ca], [ab, b, bc], [ca, bc, c], [ab, bc, ca]];
-        let mut part = 0;
-        triangles.map(|corners| {
-            let cell = Self { corners, level: self.level + 1, index: 4 * self.index + part };
-            part += 1;
-            cell
-        })
+        let [i, j, k] = self.nodes;
+        let half = |p: [u16; 2], q: [u16; 2]| [(p[0] + q[0]) / 2, (p[1] + q[1]) / 2];
+        let (ij, jk, ki) = (half(i, j), half(j, k), half(k, i));
+        let part = |part, corners, nodes| Self {
+            corners,
+            level: self.level + 1,
+            index: 4 * self.index + part,
+            nodes,
+        };
+        [
+            part(0, [a, ab, ca], [i, ij, ki]),
+            part(1, [ab, b, bc], [ij, j, jk]),
+            part(2, [ca, bc, c], [ki, jk, k]),
+            part(3, [ab, bc, ca], [ij, jk, ki]),
+        ]
     }
 
     pub(super) fn middle(&self) -> DVec3 {
@@ -43,175 +50,82 @@ impl Cell {
         0.5 * (b - a).cross(c - a).length()
     }
 
-    /// Largest distance of a corner from the middle, m.
-    pub(super) fn radius_m(&self) -> f64 {
-        let middle = self.middle();
-        self.corners.iter().fold(0.0, |r: f64, c| r.max(c.distance(middle)))
-    }
-}
-
-/// A triangle of PV with the level at which it is asked what it sees, and the suns that its cells
-/// see.
-#[derive(Debug)]
-pub(super) struct Rooted {
-    /// Index of the facet.
-    pub facet: usize,
-    pub cell: Cell,
-    /// Level of the cells that are asked; cells further down see what these see.
-    pub seeing_level: u32,
-    /// By level up to that: for each cell and sun whether any of its asked parts sees the sun, and
-    /// whether all do.
-    any: Vec<Bits>,
-    all: Vec<Bits>,
-}
-
-/// Rows of bits: one row a cell, one bit a sun.
-#[derive(Debug)]
-struct Bits {
-    words: usize,
-    bits: Vec<u64>,
-}
-
-impl Bits {
-    fn new(rows: usize, columns: usize) -> Self {
-        let words = columns.div_ceil(64);
-        Self { words, bits: vec![0; rows * words] }
-    }
-
-    #[inline]
-    fn get(&self, row: usize, column: usize) -> bool {
-        self.bits[row * self.words + column / 64] >> (column % 64) & 1 != 0
-    }
-
-    fn row(&self, row: usize) -> &[u64] {
-        &self.bits[row * self.words..(row + 1) * self.words]
-    }
-}
-
-/// What a cell sees of something.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Sees {
-    None,
-    Part,
-    All,
-}
-
-impl Sees {
-    pub(super) fn of(any: bool, all: bool) -> Self {
-        match (any, all) {
-            (false, _) => Self::None,
-            (true, false) => Self::Part,
-            (true, true) => Self::All,
-        }
-    }
-}
-
-impl Rooted {
-    /// Cells of the asked level.
-    pub(super) fn seeing(&self) -> usize {
-        1 << (2 * self.seeing_level)
-    }
-
-    /// What a cell sees of a sun.
-    #[inline]
-    pub(super) fn sees_sun(&self, cell: &Cell, sun: usize) -> Sees {
-        let level = cell.level.min(self.seeing_level);
-        let row = cell.index >> (2 * (cell.level - level));
-        let level = level as usize;
-        Sees::of(self.any[level].get(row, sun), self.all[level].get(row, sun))
-    }
-
-    /// The cells of the asked level, in their order.
-    pub(super) fn asked(&self) -> Vec<Cell> {
-        let mut cells = vec![self.cell];
-        for _ in 0..self.seeing_level {
-            cells = cells.iter().flat_map(Cell::parts).collect();
+    /// The cells some levels further down, in their order.
+    pub(super) fn below(&self, levels: u32) -> Vec<Self> {
+        let mut cells = vec![*self];
+        for _ in 0..levels {
+            cells = cells.iter().flat_map(Self::parts).collect();
         }
         cells
     }
 }
 
-/// Levels that a triangle is halved at most before it is asked: a million cells.
-const MOST_LEVELS: u32 = 10;
-
-/// All triangles of the facets, each asked in cells of `cell_m` or a little less which suns it
-/// sees: independent of where the light goes. `sun_visibility = false`: all of those in front.
-pub(super) fn rooted(
-    site: &Site,
-    facets: &[Facet],
-    timeline: &Timeline,
-    cell_m: f64,
-    sun_visibility: bool,
-    progress: &dyn Progress,
-) -> Result<Vec<Rooted>, Error> {
-    let mut out = Vec::new();
-    for (number, facet) in facets.iter().enumerate() {
-        for corners in &facet.triangles {
-            let cell = Cell::whole(*corners);
-            let longest =
-                (0..3).map(|i| corners[i].distance(corners[(i + 1) % 3])).fold(0.0, f64::max);
-            let mut seeing_level = 0;
-            while longest / f64::from(1_u32 << seeing_level) > cell_m && seeing_level < MOST_LEVELS
-            {
-                seeing_level += 1;
-            }
-            out.push(Rooted {
-                facet: number,
-                cell,
-                seeing_level,
-                any: Vec::new(),
-                all: Vec::new(),
-            });
-        }
-    }
-    let cells: u64 = out.iter().map(|r| r.seeing() as u64).sum();
-    progress.begin("sun on the PV", cells, "cells");
-    for root in &mut out {
-        let facet = &facets[root.facet];
-        let suns = timeline.steps.len();
-        let words = suns.div_ceil(64);
-        let mut finest = Bits::new(root.seeing(), suns);
-        let asked = root.asked();
-        finest.bits.par_chunks_mut(words).zip(&asked).try_for_each(|(row, cell)| {
-            progress.check()?;
-            let start = facet.lifted(cell.middle()).as_vec3();
-            for (i, step) in timeline.steps.iter().enumerate() {
-                let free = facet.frame.z.dot(step.sun) > 0.0
-                    && (!sun_visibility
-                        || !site.bvh.occluded(start, step.sun.as_vec3(), 0.0, f32::INFINITY));
-                row[i / 64] |= u64::from(free) << (i % 64);
-            }
-            progress.advance(1);
-            Ok::<(), Error>(())
-        })?;
-        root.gather(finest, suns);
-    }
-    progress.finish();
-    Ok(out)
+/// The lattice over a triangle between whose nodes the asked cells lie.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Lattice {
+    corners: [DVec3; 3],
+    /// Steps along each edge.
+    steps: usize,
 }
 
-impl Rooted {
-    /// From the asked level up to the whole.
-    fn gather(&mut self, finest: Bits, suns: usize) {
-        let copy = Bits { words: finest.words, bits: finest.bits.clone() };
-        let (mut any, mut all) = (vec![finest], vec![copy]);
-        for level in (0..self.seeing_level).rev() {
-            let rows = 1 << (2 * level);
-            let (mut some, mut every) = (Bits::new(rows, suns), Bits::new(rows, suns));
-            let (below_any, below_all) = (&any[any.len() - 1], &all[all.len() - 1]);
-            for row in 0..rows {
-                for word in 0..some.words {
-                    let parts = |bits: &Bits| [0, 1, 2, 3].map(|p| bits.row(4 * row + p)[word]);
-                    let at = row * some.words + word;
-                    some.bits[at] = parts(below_any).iter().fold(0, |s, w| s | w);
-                    every.bits[at] = parts(below_all).iter().fold(u64::MAX, |s, w| s & w);
-                }
-            }
-            any.push(some);
-            all.push(every);
+impl Lattice {
+    pub(super) fn new(corners: [DVec3; 3], asked: u32) -> Self {
+        Self { corners, steps: 1 << asked }
+    }
+
+    pub(super) fn len(&self) -> usize {
+        (self.steps + 1) * (self.steps + 2) / 2
+    }
+
+    /// Number of a node.
+    #[inline]
+    pub(super) fn number(&self, [i, j]: [u16; 2]) -> usize {
+        let (i, j) = (usize::from(i), usize::from(j));
+        // Rows of steps + 1, steps, .. nodes.
+        j * (self.steps + 1) - j * j.saturating_sub(1) / 2 + i
+    }
+
+    /// All nodes in the order of their numbers.
+    pub(super) fn nodes(&self) -> Vec<[u16; 2]> {
+        let steps = self.steps as u16;
+        (0..=steps).flat_map(|j| (0..=steps - j).map(move |i| [i, j])).collect()
+    }
+
+    /// Where a node's question is asked: a little inside of the triangle, so that what stands at
+    /// its very edge doesn't decide by a rounding.
+    pub(super) fn place(&self, [i, j]: [u16; 2]) -> DVec3 {
+        let [a, b, c] = self.corners;
+        let n = self.steps as f64;
+        let at = a + (b - a) * (f64::from(i) / n) + (c - a) * (f64::from(j) / n);
+        let middle = (a + b + c) / 3.0;
+        middle + (at - middle) * (1.0 - 0.1 / n)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn cells_lie_between_the_nodes_of_the_lattice() {
+        let corners = [DVec3::ZERO, DVec3::X * 8.0, DVec3::new(1.0, 6.0, 2.0)];
+        let asked = 3;
+        let lattice = Lattice::new(corners, asked);
+        let nodes = lattice.nodes();
+        assert_eq!(nodes.len(), lattice.len());
+        for (i, node) in nodes.iter().enumerate() {
+            assert_eq!(lattice.number(*node), i);
         }
-        any.reverse();
-        all.reverse();
-        (self.any, self.all) = (any, all);
+        let cells = Cell::whole(corners, asked).below(asked);
+        assert_eq!(cells.len(), 64);
+        let mut area_m2 = 0.0;
+        for (i, cell) in cells.iter().enumerate() {
+            assert_eq!(cell.index, i);
+            area_m2 += cell.area_m2();
+            for (corner, node) in cell.corners.iter().zip(cell.nodes) {
+                assert!(corner.distance(lattice.place(node)) < 0.15);
+            }
+        }
+        assert!((area_m2 - cells[0].area_m2() * 64.0).abs() < 1e-9);
     }
 }

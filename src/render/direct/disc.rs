@@ -2,6 +2,7 @@ use std::f64::consts::PI;
 
 use glam::DVec3;
 
+use super::kernel::Place;
 use crate::base::Frame;
 
 /// The sun's disc: its radius, and points that stand for it.
@@ -40,11 +41,38 @@ impl Disc {
         }
     }
 
-    /// The direction to a point of the disc around a sun.
-    #[inline]
-    pub(super) fn direction(&self, sun: &Frame, (u, v): (f64, f64)) -> DVec3 {
-        let (u, v) = (u * self.radius_rad, v * self.radius_rad);
-        (sun.z + sun.x * u + sun.y * v).normalize()
+    /// The same as directions in the frame of a sun.
+    pub(super) fn places(&self, count: usize) -> Vec<Place> {
+        let share = 1.0 / count as f32;
+        let place = |(u, v)| Place { at: self.at(u, v), share, second: [0.0; 2] };
+        Self::points(count).into_iter().map(place).collect()
+    }
+
+    /// The middle, with all of the disc around it.
+    pub(super) fn middle(&self) -> Place {
+        let second = (0.125 * self.radius_rad * self.radius_rad) as f32;
+        Place { at: [0.0, 0.0, 1.0], share: 1.0, second: [second; 2] }
+    }
+
+    /// Places to the side of the middle, by the rule of Gauss and Chebyshev for the breadths of a
+    /// circle (Abramowitz and Stegun 25.4.40), each with what lies above and below it.
+    pub(super) fn line(&self, count: u32) -> Vec<Place> {
+        let place = |k: u32| {
+            let angle = PI * f64::from(k) / f64::from(count + 1);
+            let (sin, u) = (libm::sin(angle), libm::cos(angle));
+            let above = self.radius_rad * self.radius_rad * sin * sin / 6.0;
+            Place {
+                at: self.at(u, 0.0),
+                share: (2.0 * sin * sin / f64::from(count + 1)) as f32,
+                second: [0.0, above as f32],
+            }
+        };
+        (1..=count).map(place).collect()
+    }
+
+    fn at(&self, u: f64, v: f64) -> [f32; 3] {
+        let at = DVec3::new(u * self.radius_rad, v * self.radius_rad, 1.0).normalize();
+        at.as_vec3().to_array()
     }
 
     /// Share of the disc around `sun` that is seen through a triangle of directions, in closed

@@ -1,268 +1,418 @@
-use super::cells::{Cell, Rooted, Sees};
+use glam::DVec3;
+
+use super::cells::Cell;
 use super::disc::Disc;
-use super::kernel::{Batch, Kernel};
-use super::scene::{Lights, Spot};
-use crate::base::Frame;
-use crate::render::MIN_COS;
+use super::kernel::{Kernel, POINTS, Place, Point, Sums, Ways};
+use super::rule::{GOOD, Look, rule_error};
+use super::scene::Spot;
+use super::sight::{Rooted, WHOLE};
+use super::suns::Suns;
 use crate::render::facet::Facet;
 
-/// What arrives at one spot, by timestep. Only timesteps in `lit` are not 0.
-#[derive(Clone, Debug, Default, PartialEq)]
-pub struct DirectYear {
-    /// Irradiance of the surface, W/m2, by timestep.
-    pub surface_w_m2: Vec<f64>,
-    /// Irradiance of planes that face the beams (E_n), W/m2, by timestep.
-    pub normal_w_m2: Vec<f64>,
-    /// Bound of the quadrature's error in `surface_w_m2`, by timestep.
-    pub error_w_m2: Vec<f64>,
-    /// Timesteps that are lit, in the order in which they were met.
-    pub lit: Vec<u32>,
+/// Parts that a cell on a border of what the spot sees is asked in.
+pub(super) const SEEN_PARTS: u32 = 4;
+/// Levels below the asked one.
+const DEEPER: u32 = 8;
+/// The sun's radius beside a lobe's width, squared: up to here a point does.
+const POINT: f32 = 1e-4;
+/// Up to here a disc is as good as the second order of its mean.
+const SECOND_ORDER: f32 = 0.02;
+/// Up to here the disc's 16 points do.
+const FEW_POINTS: f32 = 0.3;
+/// Up to here 3, 5 or 9 points in a line do, beyond it 17, if the disc's height is as good as its second order.
+const LINES: [f32; 3] = [0.3, 1.2, 6.0];
+/// Ratio of a cell's radius to the length over which the integrand changes up to which the cell is
+/// looked at though a border of what the spot sees crosses it: through the middles of what is seen
+/// of its parts.
+const PARTLY_SEEN: f32 = 0.08;
+/// The same for a shadow's border: what is lit of it counts as spread over all of it.
+const PARTLY_LIT: f32 = 0.04;
+/// How far a file's values may be apart on a cell that is looked at, as a share of their mean, and
+/// how far a cell may reach in directions however far they are.
+const JUMP: f32 = 0.05;
+const JUMP_REACH: f32 = 0.02;
+/// What the part of an asked cell that is seen, or lit, may be wrong by where a border crosses it:
+/// 4 and 16 places of it are asked.
+const SEEN_ERROR: f32 = 0.2;
+const LIT_ERROR: f32 = 0.1;
+
+/// Ways in which suns are looked at through a cell: as points through rules of one and three
+/// points, then through seven as discs: their second order, lines of 3 to 17 places, some
+/// places all over, many.
+const WAYS: usize = SEVEN + DISCS;
+const SEVEN: usize = 2;
+pub(super) const DISCS: usize = 7;
+
+/// What stands for the disc in those ways.
+pub(super) fn disc_places(disc: &Disc) -> [Vec<Place>; DISCS] {
+    [
+        vec![disc.middle()],
+        disc.line(3),
+        disc.line(5),
+        disc.line(9),
+        disc.line(17),
+        disc.places(16),
+        disc.places(64),
+    ]
 }
 
-impl DirectYear {
-    pub(super) fn clear(&mut self, timesteps: usize) {
-        for list in [&mut self.surface_w_m2, &mut self.normal_w_m2, &mut self.error_w_m2] {
-            list.clear();
-            list.resize(timesteps, 0.0);
-        }
+/// Suns to be looked at in one way.
+#[derive(Debug, Default)]
+struct Class {
+    suns: Vec<u32>,
+    /// Part of the cell that they light.
+    lit: Vec<f32>,
+    /// Bound of the relative error.
+    error: Vec<f32>,
+}
+
+impl Class {
+    fn clear(&mut self) {
+        self.suns.clear();
         self.lit.clear();
+        self.error.clear();
     }
 
     #[inline]
-    pub(super) fn add(&mut self, step: u32, surface: f64, normal: f64, error: f64) {
-        if normal > 0.0 {
-            let i = step as usize;
-            if self.normal_w_m2[i] == 0.0 {
-                self.lit.push(step);
-            }
-            self.surface_w_m2[i] += surface;
-            self.normal_w_m2[i] += normal;
-            self.error_w_m2[i] += error;
-        }
+    fn push(&mut self, sun: u32, lit: f32, error: f32) {
+        self.suns.push(sun);
+        self.lit.push(lit);
+        self.error.push(error);
     }
 }
-
-/// Radon's rule on a triangle, 7 points of degree 5 (1948); the first is the middle, which alone
-/// is a rule of degree 1: the two together tell how the integrand bends.
-const RADON: [([f64; 3], f64); 7] = {
-    const A: f64 = 0.470_142_064_105_115_1;
-    const B: f64 = 0.101_286_507_323_456_34;
-    const A1: f64 = 1.0 - 2.0 * A;
-    const B1: f64 = 1.0 - 2.0 * B;
-    const WA: f64 = 0.132_394_152_788_506_2;
-    const WB: f64 = 0.125_939_180_544_827_15;
-    const T: f64 = 1.0 / 3.0;
-    [
-        ([T, T, T], 0.225),
-        ([A1, A, A], WA),
-        ([A, A1, A], WA),
-        ([A, A, A1], WA),
-        ([B1, B, B], WB),
-        ([B, B1, B], WB),
-        ([B, B, B1], WB),
-    ]
-};
-
-/// How the rule's bend may be at most, as a share of the value: the error is below its square.
-const BEND: f64 = 0.02;
-/// What a cell may be wrong by however small its light is, W/m2 on a plane that faces it.
-const NEGLIGIBLE_W_M2: f64 = 1e-5;
-/// A cell is looked at through its rule once its half vectors spread less than this share of the
-/// lobe's width: before, the lobe could fall between the points.
-const SPREAD: f64 = 0.7;
-/// Lobe widths within which the sun is a disc; outside a point at its middle does (the difference
-/// falls with the square of the distance).
-const NEAR_WIDTHS: f64 = 10.0;
-/// Levels below the asked one.
-const DEEPER: u32 = 8;
 
 /// Scratch of one thread, kept from spot to spot.
 #[derive(Debug, Default)]
 pub(super) struct Scratch {
-    pool: Vec<Batch>,
-    values: Vec<f64>,
-    sums: [Vec<f64>; 3],
-    discs: Batch,
+    pool: Vec<Vec<u32>>,
+    classes: [Class; WAYS],
+    points: Vec<Point>,
+    sums: Sums,
+    middle: Sums,
+    /// What a facet sends to the spot, by sun: on the surface, facing the beam, and the error.
+    pub arrived: [Vec<f32>; 3],
 }
 
-/// The integral over one facet of what it scatters to one spot.
+/// The integral over one triangle of PV of what it scatters to one spot.
 pub(super) struct Integral<'a> {
     pub facet: &'a Facet,
     pub root: &'a Rooted,
-    pub kernel: Kernel<'a>,
+    pub suns: &'a Suns,
+    pub kernel: &'a Kernel<'a>,
     pub disc: &'a Disc,
-    /// Points of the disc: few, some, many.
-    pub points: &'a [Vec<(f64, f64)>; 3],
+    pub places: &'a [Vec<Place>; DISCS],
     pub spot: &'a Spot,
-    pub max_path_m: f64,
-    /// Which of the root's asked cells the spot sees; the number of those before each.
+    /// The spot's normal, turned over, in the facet's frame.
+    pub toward: [f32; 3],
+    /// How many parts of the root's asked cells the spot sees, summed up to each.
     pub seen_before: &'a [u32],
     pub scratch: &'a mut Scratch,
-    pub year: &'a mut DirectYear,
+}
+
+/// A cell, and what the spot sees of it.
+struct Seen {
+    cell: Cell,
+    look: Look,
+    /// Part of it that is seen.
+    share: f32,
+    /// Whether that is spread over its parts: not asked any further.
+    by_parts: bool,
+    /// Bound of the relative error of the share.
+    error: f32,
+    deepest: bool,
 }
 
 impl Integral<'_> {
-    pub(super) fn add(&mut self, lights: &Lights) {
+    /// Adds what arrives from the triangle for all `suns` (numbers among the facet's).
+    pub(super) fn add(&mut self, suns: &[u32]) {
         let whole = self.root.cell;
-        self.descend(&whole, &lights.batch);
+        self.descend(&whole, suns);
     }
 
-    /// What the spot sees of a cell.
-    fn sees(&self, cell: &Cell) -> Sees {
-        let asked = self.root.seeing_level;
-        let (first, last) = if cell.level <= asked {
+    /// Range of the asked cells of a cell.
+    fn asked(&self, cell: &Cell) -> std::ops::Range<usize> {
+        let asked = self.root.asked;
+        if cell.level <= asked {
             let shift = 2 * (asked - cell.level);
-            (cell.index << shift, (cell.index + 1) << shift)
+            cell.index << shift..(cell.index + 1) << shift
         } else {
             let at = cell.index >> (2 * (cell.level - asked));
-            (at, at + 1)
-        };
-        let count = (self.seen_before[last] - self.seen_before[first]) as usize;
-        Sees::of(count > 0, count == last - first)
+            at..at + 1
+        }
     }
 
-    fn is_deepest(&self, cell: &Cell) -> bool {
-        cell.level >= self.root.seeing_level + DEEPER
+    /// Part of a cell that the spot sees.
+    fn seen(&self, cell: &Cell) -> f32 {
+        let range = self.asked(cell);
+        let seen = self.seen_before[range.end] - self.seen_before[range.start];
+        seen as f32 / (SEEN_PARTS as usize * range.len()) as f32
     }
 
-    fn descend(&mut self, cell: &Cell, suns: &Batch) {
-        let seen = self.sees(cell);
-        if seen == Sees::None || suns.len() == 0 {
+    fn descend(&mut self, cell: &Cell, suns: &[u32]) {
+        let share = self.seen(cell);
+        if share == 0.0 || suns.is_empty() {
             return;
         }
-        let mut pool = || {
-            let mut batch = self.scratch.pool.pop().unwrap_or_default();
-            batch.clear();
-            batch
+        let look = Look::at(cell, self.facet, self.spot);
+        let whole = cell.level < self.root.asked;
+        let seen = Seen {
+            look,
+            share,
+            by_parts: share < 1.0 && whole,
+            error: if share < 1.0 && !whole { SEEN_ERROR / share } else { 0.0 },
+            deepest: cell.level >= self.root.asked + DEEPER,
+            cell: *cell,
         };
-        let mut now = [pool(), pool(), pool(), pool()];
-        let mut finer = pool();
-        self.sort(cell, suns, seen, &mut now, &mut finer);
-        for (i, batch) in now.iter().enumerate() {
-            let points = i.checked_sub(1).map(|i| &*self.points[i]);
-            self.look(cell, batch, points, &mut finer);
+        let good = if seen.by_parts { PARTLY_SEEN } else { GOOD[2] };
+        let mut finer = self.scratch.pool.pop().unwrap_or_default();
+        finer.clear();
+        if look.near > good && !seen.deepest {
+            let lit = self.root.lit(cell);
+            finer.extend(suns.iter().filter(|&&sun| lit[sun as usize] > 0));
+        } else {
+            let mut classes = std::mem::take(&mut self.scratch.classes);
+            match self.kernel.alpha() {
+                Some(alpha) => {
+                    let alpha2 = (alpha * alpha) as f32;
+                    self.sort(&seen, suns, alpha2, &mut classes, &mut finer);
+                }
+                None => self.sort_smooth(&seen, suns, &mut classes, &mut finer),
+            }
+            let fine = classes[SEVEN..].iter().any(|class| !class.suns.is_empty());
+            let ways = if fine { self.ways_of(&seen) } else { Ways::default() };
+            for (way, class) in classes.iter().enumerate().filter(|(_, c)| !c.suns.is_empty()) {
+                self.look(&seen, &ways, (way, class), &mut finer);
+            }
+            self.scratch.classes = classes;
         }
-        self.scratch.pool.extend(now);
-        for part in cell.parts() {
-            if finer.len() > 0 {
+        if !finer.is_empty() {
+            for part in cell.parts() {
                 self.descend(&part, &finer);
             }
         }
         self.scratch.pool.push(finer);
     }
 
-    /// Which suns can be looked at through this cell's rule, as points (`now[0]`) or as discs of
-    /// few to many points, and which need its parts.
-    fn sort(&self, cell: &Cell, suns: &Batch, seen: Sees, now: &mut [Batch; 4], finer: &mut Batch) {
-        let middle = cell.middle();
-        let way = self.spot.position - middle;
-        let away_m = way.length();
-        let out = self.facet.frame.local_from_world(way / away_m);
-        // Angle that the cell spans at the spot.
-        let angle = cell.radius_m() / away_m;
-        let width = self.kernel.width();
-        let deepest = self.is_deepest(cell);
-        for i in 0..suns.len() {
-            let sees = self.root.sees_sun(cell, suns.step[i] as usize);
-            if sees == Sees::None {
-                continue;
-            }
-            if seen == Sees::Part || sees == Sees::Part {
-                finer.push_from(suns, i);
-                continue;
-            }
-            let (hx, hy, hz) = (suns.x[i] + out.x, suns.y[i] + out.y, suns.z[i] + out.z);
-            let across2 = hx * hx + hy * hy;
-            let length2 = across2 + hz * hz;
-            // Half vectors turn by half of what directions turn, and faster across the plane of
-            // incidence where light grazes.
-            let cos = (0.25 * length2).sqrt().max(0.1);
-            let spread = 0.5 * angle / cos;
-            let tilt = ((across2 / length2).sqrt() - spread).max(0.0);
-            let reach = (width * width + tilt * tilt).sqrt();
-            // Even light bends by distance alone.
-            if spread.min(angle) > SPREAD * reach.min(1.0) && !deepest {
-                finer.push_from(suns, i);
-            } else if tilt < NEAR_WIDTHS * width && width.is_finite() {
-                // The disc in half vectors, beside the lobe.
-                let beside = 0.5 * self.disc.radius_rad / (cos * width);
-                let class = 1 + usize::from(beside > 0.1) + usize::from(beside > 0.4);
-                now[class].push_from(suns, i);
-            } else {
-                now[0].push_from(suns, i);
+    /// What part of a cell a sun lights, with the bound of the error in that as far as the
+    /// integrand changes by `ratio` over the cell; `None`: its parts must be asked.
+    #[inline]
+    fn lit(&self, seen: &Seen, lit: u8, ratio2: f32) -> Option<(f32, f32)> {
+        if lit == WHOLE {
+            return Some((1.0, 0.0));
+        }
+        let part = f32::from(lit) / f32::from(WHOLE);
+        if seen.cell.level >= self.root.asked {
+            return Some((part, LIT_ERROR / part));
+        }
+        (!seen.by_parts && ratio2 <= PARTLY_LIT * PARTLY_LIT)
+            .then(|| (part, 3.0 * (1.0 - part) * ratio2.sqrt()))
+    }
+
+    /// Every sun is looked at through the same rule, or needs the cell's parts.
+    fn sort_smooth(
+        &self,
+        seen: &Seen,
+        suns: &[u32],
+        classes: &mut [Class; WAYS],
+        finer: &mut Vec<u32>,
+    ) {
+        classes.iter_mut().for_each(Class::clear);
+        let lit = self.root.lit(&seen.cell);
+        let near = seen.look.near;
+        let rule = rule_of(near);
+        let error = seen.error + rule_error(rule, near);
+        for &sun in suns {
+            match lit[sun as usize] {
+                0 => {}
+                part => match self.lit(seen, part, near * near) {
+                    Some((part, doubt)) => {
+                        classes[rule].push(sun, part, error + doubt);
+                    }
+                    None => finer.push(sun),
+                },
             }
         }
     }
 
-    /// Applies the rule; suns for which it bends too much go to `finer`.
-    fn look(
-        &mut self,
-        cell: &Cell,
-        suns: &Batch,
-        points: Option<&[(f64, f64)]>,
-        finer: &mut Batch,
+    /// Through which rule each sun is looked at, as a point or as a disc, or whether it needs the
+    /// cell's parts.
+    fn sort(
+        &self,
+        seen: &Seen,
+        suns: &[u32],
+        alpha2: f32,
+        classes: &mut [Class; WAYS],
+        finer: &mut Vec<u32>,
     ) {
-        let deepest = self.is_deepest(cell);
-        let count = suns.len();
-        if count == 0 {
-            return;
-        }
-        let Scratch { values, sums, discs, .. } = &mut *self.scratch;
-        let fold = points.map_or(1, <[_]>::len);
-        if let Some(points) = points {
-            discs.clear();
-            for i in 0..count {
-                let sun = Frame::around(suns.sun(i));
-                for &point in points {
-                    let at = self.disc.direction(&sun, point);
-                    discs.push(suns.step[i], at, suns.strength[i], &self.kernel);
-                }
-            }
-        }
-        let lit = if points.is_some() { &*discs } else { suns };
-        values.resize(count * fold, 0.0);
-        for sum in sums.iter_mut() {
-            sum.clear();
-            sum.resize(count, 0.0);
-        }
-        let (area, [a, b, c]) = (cell.area_m2(), cell.corners);
-        for (nth, ([u, v, w], share)) in RADON.into_iter().enumerate() {
-            let way = self.spot.position - (a * u + b * v + c * w);
-            let away2 = way.length_squared();
-            let away_m = away2.sqrt();
-            let towards = way / away_m;
-            let out = self.facet.frame.local_from_world(towards);
-            let cos = -self.spot.normal.dot(towards);
-            if out.z <= 0.0 || cos <= 0.0 || away_m > self.max_path_m {
+        classes.iter_mut().for_each(Class::clear);
+        let lit = self.root.lit(&seen.cell);
+        let look = &seen.look;
+        let radius = self.disc.radius_rad as f32;
+        let (across2, near2, along2) =
+            (look.across * look.across, look.near * look.near, look.along * look.along);
+        let good = if seen.by_parts { PARTLY_SEEN } else { GOOD[2] };
+        for &sun in suns {
+            let i = sun as usize;
+            if lit[i] == 0 {
                 continue;
             }
-            self.kernel.radiance(lit, out, values);
-            let solid = area * out.z / away2;
-            let facing = cos / cos.max(f64::from(MIN_COS));
-            let [surface, normal, one] = &mut *sums;
-            for i in 0..count {
-                let mut value = values[i * fold];
-                if fold > 1 {
-                    value = values[i * fold..(i + 1) * fold].iter().sum::<f64>() / fold as f64;
-                }
-                let value = value * solid;
-                surface[i] += share * cos * value;
-                normal[i] += share * facing * value;
-                if nth == 0 {
-                    one[i] = cos * value;
-                }
+            let (dx, dy) = (self.suns.x[i] + look.out.x, self.suns.y[i] + look.out.y);
+            let hz = self.suns.z[i] + look.out.z;
+            let off = ((dx * dx + dy * dy).sqrt() - look.across - radius).max(0.0);
+            // Length over which the lobe changes, as a way of the outgoing direction.
+            let width2 = off * off + alpha2 * hz * hz;
+            let beside2 = radius * radius / width2;
+            let low = beside2 * self.suns.z[i] * self.suns.z[i] < SECOND_ORDER;
+            let mut lobe2 = across2 / width2;
+            if lobe2 > good * good && low && beside2 > SECOND_ORDER {
+                lobe2 = self.stretched2(look, i, width2);
             }
-        }
-        let [surface, normal, one] = sums;
-        for (i, ((&surface, &normal), &one)) in surface.iter().zip(&*normal).zip(&*one).enumerate()
-        {
-            let bend = (surface - one).abs();
-            if bend > BEND * surface + NEGLIGIBLE_W_M2 && !deepest {
-                finer.push_from(suns, i);
+            let ratio2 = lobe2.max(near2).max(along2 / (hz * hz));
+            if ratio2 > good * good && !seen.deepest {
+                finer.push(sun);
+                continue;
+            }
+            let Some((part, doubt)) = self.lit(seen, lit[i], ratio2) else {
+                finer.push(sun);
+                continue;
+            };
+            let ratio = ratio2.sqrt();
+            let (way, disc_error) = if beside2 < POINT {
+                (rule_of(ratio), 2.0 * beside2)
+            } else if beside2 < SECOND_ORDER {
+                (SEVEN, beside2 * beside2)
+            } else if low {
+                let line = LINES.iter().filter(|&&most| beside2 > most).count();
+                (SEVEN + 1 + line, if line < LINES.len() { 1e-3 } else { 2e-2 })
+            } else if beside2 < FEW_POINTS {
+                (SEVEN + 5, 0.02 * beside2 * beside2)
             } else {
-                let error = if surface > 0.0 { bend * (bend / surface).min(1.0) } else { 0.0 };
-                self.year.add(suns.step[i], surface, normal, error);
+                (SEVEN + 6, 2e-3)
+            };
+            let rule = if seen.by_parts { 0 } else { way.min(SEVEN) };
+            // Parts are a half as large.
+            let own = if seen.by_parts { 0.5 * ratio } else { ratio };
+            let error = seen.error + doubt + disc_error + rule_error(rule, own);
+            classes[way].push(sun, part, error);
+        }
+    }
+
+    /// Square of a cell's radius beside the width of a low sun's lobe, which its disc makes wider
+    /// to the side: there a third of its radius counts as well.
+    #[inline]
+    fn stretched2(&self, look: &Look, sun: usize, width2: f32) -> f32 {
+        let (suns, radius) = (self.suns, self.disc.radius_rad as f32);
+        let (x, y, steep) = (suns.x[sun], suns.y[sun], suns.steep[sun]);
+        let wide2 = width2 + radius * radius * (1.0 / 9.0);
+        let of = |[u, v]: [f32; 2]| {
+            let (up, side) = (u * x + v * y, v * x - u * y);
+            steep * (up * up / width2 + side * side / wide2)
+        };
+        let [a, b, c] = look.offs.map(of);
+        a.max(b).max(c)
+    }
+
+    /// Looks at the suns of a class; those of files' jumping values may go to `finer`.
+    fn look(
+        &mut self,
+        seen: &Seen,
+        ways: &Ways,
+        (way, class): (usize, &Class),
+        finer: &mut Vec<u32>,
+    ) {
+        let jumps = self.kernel.jumps();
+        let (suns, list) = (self.suns, &*class.suns);
+        let mut fit = 0.0;
+        if let (Kernel::Lobe(lobe), true) = (self.kernel, way >= SEVEN) {
+            let places = &self.places[way - SEVEN];
+            lobe.add_points((ways, self.toward), suns, list, places, &mut self.scratch.sums);
+            fit = lobe.fit as f32;
+        } else {
+            self.points_of(seen, if jumps { SEVEN } else { way });
+            let Scratch { points, sums, middle, .. } = &mut *self.scratch;
+            self.kernel.add_all(points, suns, list, sums);
+            if let (true, Some(first)) = (jumps, points.first()) {
+                // The middle alone tells how far values jump.
+                let worth = |of: fn(&Point) -> f64| points.iter().map(of).sum::<f64>();
+                let [surface, normal] = [worth(|p| p.surface), worth(|p| p.normal)];
+                let all = Point { out: first.out, surface, normal };
+                self.kernel.add_all(&[all], suns, list, middle);
             }
         }
+        let coarse = seen.look.across > JUMP_REACH && !seen.deepest;
+        let Scratch { sums, middle, arrived: [to_surface, to_normal, to_error], .. } =
+            &mut *self.scratch;
+        for (k, &sun) in list.iter().enumerate() {
+            let (i, lit) = (sun as usize, class.lit[k]);
+            let mut error = (class.error[k] + fit) * sums.surface[k];
+            if jumps {
+                let jump = (sums.surface[k] - middle.surface[k]).abs();
+                if coarse && jump > JUMP * sums.surface[k] {
+                    finer.push(sun);
+                    continue;
+                }
+                error += jump;
+            }
+            to_surface[i] += sums.surface[k] * lit;
+            to_normal[i] += sums.normal[k] * lit;
+            to_error[i] += error * lit;
+        }
+    }
+
+    /// The middles of what the spot sees of a cell's parts, and their areas, m2.
+    fn middles(&self, cell: &Cell) -> impl Iterator<Item = (DVec3, f64)> {
+        cell.parts().into_iter().filter_map(|part| {
+            let share = self.seen(&part);
+            let (mut middle, mut sum) = (part.middle(), 1.0);
+            if share < 1.0 {
+                (middle, sum) = (DVec3::ZERO, 0.0);
+                for i in self.asked(&part) {
+                    let weight = f64::from(self.seen_before[i + 1] - self.seen_before[i]);
+                    middle += self.root.middles[i] * weight;
+                    sum += weight;
+                }
+            }
+            (share > 0.0).then(|| (middle / sum, part.area_m2() * f64::from(share)))
+        })
+    }
+
+    /// The points through which a cell is looked at: a rule's, or the middles of its seen parts.
+    fn points_of(&mut self, seen: &Seen, rule: usize) {
+        let mut points = std::mem::take(&mut self.scratch.points);
+        points.clear();
+        if seen.by_parts {
+            let of = |(at, area_m2)| Look::point(at, area_m2, self.facet, self.spot);
+            points.extend(self.middles(&seen.cell).filter_map(of));
+        } else {
+            let share = f64::from(seen.share);
+            Look::points(&seen.cell, self.facet, self.spot, rule, share, &mut points);
+        }
+        self.scratch.points = points;
+    }
+
+    /// The same for the finest rule.
+    fn ways_of(&self, seen: &Seen) -> Ways {
+        if !seen.by_parts {
+            return seen.look.places(seen.cell.area_m2() * f64::from(seen.share));
+        }
+        let mut ways = Ways::default();
+        for (k, (at, area_m2)) in self.middles(&seen.cell).enumerate().take(POINTS) {
+            let way = self.facet.frame.local_from_world(self.spot.position - at).as_vec3();
+            (ways.way[0][k], ways.way[1][k], ways.way[2][k]) = (way.x, way.y, way.z);
+            ways.area[k] = area_m2 as f32;
+        }
+        ways
+    }
+}
+
+/// The coarsest rule that is good for a ratio.
+#[inline]
+fn rule_of(ratio: f32) -> usize {
+    if ratio <= GOOD[0] {
+        0
+    } else if ratio <= GOOD[1] {
+        1
+    } else {
+        2
     }
 }

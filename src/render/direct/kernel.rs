@@ -1,226 +1,543 @@
-use std::f64::consts::{FRAC_1_PI, PI};
+use std::f64::consts::PI;
 
 use glam::DVec3;
 
-use crate::site::bsdf::{Bsdf, fresnel_reflectance};
+use super::suns::Suns;
+use crate::render::MIN_COS;
+use crate::site::bsdf::{FacetTerm, Measured, Term};
 
-/// Suns as they stand in a facet's frame, one array for each number.
-#[derive(Clone, Debug, Default)]
-pub(super) struct Batch {
-    /// Which sun: an index into the timeline.
-    pub step: Vec<u32>,
-    pub x: Vec<f64>,
-    pub y: Vec<f64>,
-    pub z: Vec<f64>,
-    /// Direct normal irradiance, W/m2.
-    pub strength: Vec<f64>,
-    /// Share of the light that enters the glass.
-    pub entering: Vec<f64>,
-    /// Smith's Lambda of the sun.
-    pub hidden: Vec<f64>,
+/// A term of a scattering function over the suns of a facet, in the form that is evaluated for
+/// many suns at once: in single precision, one array for each number.
+#[derive(Debug)]
+pub(super) enum Kernel<'a> {
+    /// The ground alone: a factor of the sun times one of the outgoing direction.
+    Ground { term: Option<FacetTerm<'a>>, from: Vec<f32> },
+    /// GGX facets over a ground.
+    Lobe(Box<Lobe>),
+    /// Patches of a file: by outgoing patch, then sun.
+    Patches { measured: &'a Measured, rows: Vec<f32>, suns: usize },
+    /// Cells of a file, one sun after the other.
+    Cells { measured: &'a Measured, share: f64 },
 }
 
-impl Batch {
-    pub(super) fn len(&self) -> usize {
-        self.step.len()
-    }
+/// GGX facets over a ground.
+#[derive(Debug)]
+pub(super) struct Lobe {
+    pub alpha: f64,
+    share: f64,
+    /// What a facet reflects, as a polynomial of `2 cos - 1`.
+    reflectance: [f32; TERMS],
+    /// The ground's factor at even steps of the cosine, straight in between.
+    ground: Vec<f32>,
+    /// Largest relative error of the reflectance.
+    pub fit: f64,
+    /// By sun: `strength * cos * ground`.
+    from: Vec<f32>,
+    /// By sun: Smith's Lambda.
+    hidden: Vec<f32>,
+}
 
-    pub(super) fn clear(&mut self) {
-        self.step.clear();
-        for list in self.lists() {
-            list.clear();
+/// Coefficients of a reflectance's polynomial.
+const TERMS: usize = 15;
+/// Steps of a ground's factor: good to 1e-5.
+const STEPS: usize = 512;
+
+/// Suns to be evaluated: gathered from [`Suns`] and a kernel.
+#[derive(Debug, Default)]
+pub(super) struct Gathered {
+    pub x: Vec<f32>,
+    pub y: Vec<f32>,
+    pub z: Vec<f32>,
+    pub strength: Vec<f32>,
+    pub from: Vec<f32>,
+    pub hidden: Vec<f32>,
+}
+
+/// A point of a rule on a cell, as the spot sees it.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Point {
+    /// Towards the spot, in the facet's frame.
+    pub out: DVec3,
+    /// Irradiance of the surface, and of a plane that faces the beam, for each unit of radiance.
+    pub surface: f64,
+    pub normal: f64,
+}
+
+impl<'a> Kernel<'a> {
+    pub(super) fn of(share: f64, term: Term<'a>, suns: &Suns) -> Self {
+        let by_sun = |of: &dyn Fn(f64) -> f64| -> Vec<f32> {
+            let all = suns.direction.iter().zip(&suns.strength);
+            all.map(|(d, s)| (share * f64::from(*s) * of(d.z)) as f32).collect()
+        };
+        match term {
+            Term::Even(per_sr) => Self::Ground { term: None, from: by_sun(&|cos| cos * per_sr) },
+            Term::Lobe(term) => {
+                let ground = term.ground_per_sr();
+                let from = by_sun(&|cos| cos * ground * term.ground(cos));
+                let Some(alpha) = term.alpha() else {
+                    return Self::Ground { term: Some(term), from };
+                };
+                let (reflectance, fit) = polynomial(&|cos| term.reflectance(cos));
+                let step = 1.0 / STEPS as f64;
+                let ground = (0..=STEPS).map(|i| term.ground(i as f64 * step) as f32).collect();
+                let hidden = suns.direction.iter().map(|d| hidden(*d, alpha) as f32).collect();
+                Self::Lobe(Box::new(Lobe { alpha, share, reflectance, ground, fit, from, hidden }))
+            }
+            Term::Measured(measured) => {
+                let patches = measured.patches();
+                if patches == 0 {
+                    return Self::Cells { measured, share };
+                }
+                let mut rows = Vec::with_capacity(patches * suns.len());
+                for out in 0..patches {
+                    rows.extend(suns.direction.iter().zip(&suns.strength).map(|(d, s)| {
+                        let value = measured.incident_patch(*d).map(|i| measured.value(i, out));
+                        (share * value.unwrap_or(0.0) * d.z * f64::from(*s)) as f32
+                    }));
+                }
+                Self::Patches { measured, rows, suns: suns.len() }
+            }
         }
     }
 
-    fn lists(&mut self) -> [&mut Vec<f64>; 6] {
+    /// Half-width of the lobe; `None` for what is smooth.
+    pub(super) fn alpha(&self) -> Option<f64> {
+        match self {
+            Self::Lobe(lobe) => Some(lobe.alpha),
+            Self::Ground { .. } | Self::Patches { .. } | Self::Cells { .. } => None,
+        }
+    }
+
+    /// Whether it jumps from one value to another.
+    pub(super) fn jumps(&self) -> bool {
+        matches!(self, Self::Patches { .. } | Self::Cells { .. })
+    }
+
+    /// Sums over `points` of radiance times what it is worth, for the suns of a list: irradiance
+    /// on the surface and facing the beam, W/m2. Element by element, so that it doesn't depend on
+    /// how many are computed at once.
+    pub(super) fn add_all(&self, points: &[Point], suns: &Suns, list: &[u32], into: &mut Sums) {
+        into.clear(list.len());
+        let Sums { surface, normal, .. } = into;
+        match self {
+            Self::Ground { term, from } => {
+                let leaving = |p: &Point| term.map_or(1.0, |t| t.ground(p.out.z));
+                let (mut s, mut n) = (0.0, 0.0);
+                for point in points {
+                    s += leaving(point) * point.surface;
+                    n += leaving(point) * point.normal;
+                }
+                let (s, n) = (s as f32, n as f32);
+                for ((&i, a), b) in list.iter().zip(surface).zip(normal) {
+                    let value = from[i as usize];
+                    (*a, *b) = (value * s, value * n);
+                }
+            }
+            Self::Lobe(lobe) => {
+                into.gathered.fill(suns, lobe, list);
+                lobe.add_suns(points, into);
+            }
+            Self::Patches { measured, rows, suns } => {
+                for point in points {
+                    let Some(patch) = measured.outgoing_patch(point.out) else { continue };
+                    let row = &rows[patch * suns..(patch + 1) * suns];
+                    let (s, n) = (point.surface as f32, point.normal as f32);
+                    for ((&i, a), b) in list.iter().zip(&mut *surface).zip(&mut *normal) {
+                        *a += row[i as usize] * s;
+                        *b += row[i as usize] * n;
+                    }
+                }
+            }
+            Self::Cells { measured, share } => {
+                for point in points {
+                    for ((&i, a), b) in list.iter().zip(&mut *surface).zip(&mut *normal) {
+                        let (sun, strength) =
+                            (suns.direction[i as usize], suns.strength[i as usize]);
+                        let value = share * measured.evaluate(sun, point.out) * sun.z;
+                        let value = value * f64::from(strength);
+                        *a += (value * point.surface) as f32;
+                        *b += (value * point.normal) as f32;
+                    }
+                }
+            }
+        }
+    }
+}
+
+/// Results of a list of suns, and buffers for them.
+#[derive(Debug, Default)]
+pub(super) struct Sums {
+    pub surface: Vec<f32>,
+    pub normal: Vec<f32>,
+    pub gathered: Gathered,
+}
+
+impl Sums {
+    pub(super) fn clear(&mut self, count: usize) {
+        for list in [&mut self.surface, &mut self.normal] {
+            list.clear();
+            list.resize(count, 0.0);
+        }
+    }
+}
+
+impl Gathered {
+    fn lists(&mut self) -> [&mut Vec<f32>; 6] {
         [
             &mut self.x,
             &mut self.y,
             &mut self.z,
             &mut self.strength,
-            &mut self.entering,
+            &mut self.from,
             &mut self.hidden,
         ]
     }
 
-    pub(super) fn sun(&self, i: usize) -> DVec3 {
-        DVec3::new(self.x[i], self.y[i], self.z[i])
-    }
-
-    pub(super) fn push(&mut self, step: u32, sun: DVec3, strength: f64, kernel: &Kernel<'_>) {
-        let (entering, hidden) = kernel.of_direction(sun);
-        self.push_known(step, sun, strength, entering, hidden);
-    }
-
-    /// The i-th sun of another batch.
-    pub(super) fn push_from(&mut self, other: &Self, i: usize) {
-        self.push_known(
-            other.step[i],
-            other.sun(i),
-            other.strength[i],
-            other.entering[i],
-            other.hidden[i],
-        );
-    }
-
-    fn push_known(&mut self, step: u32, sun: DVec3, strength: f64, entering: f64, hidden: f64) {
-        self.step.push(step);
-        let values = [sun.x, sun.y, sun.z, strength, entering, hidden];
-        for (list, value) in self.lists().into_iter().zip(values) {
-            list.push(value);
+    pub(super) fn fill(&mut self, suns: &Suns, lobe: &Lobe, list: &[u32]) {
+        let sources = [&suns.x, &suns.y, &suns.z, &suns.strength, &lobe.from, &lobe.hidden];
+        for (into, source) in self.lists().into_iter().zip(sources) {
+            into.clear();
+            into.extend(list.iter().map(|&i| source[i as usize]));
         }
     }
 }
 
-/// How a facet scatters, in the form that is evaluated for many suns at once.
+/// Smith's Lambda of GGX.
+fn hidden(v: DVec3, alpha: f64) -> f64 {
+    let tan2 = (v.x * v.x + v.y * v.y) / (v.z * v.z);
+    0.5 * ((1.0 + alpha * alpha * tan2).sqrt() - 1.0)
+}
+
+/// Places of the PV that stand for some area, as a spot sees them.
 #[derive(Clone, Copy, Debug)]
-pub(super) enum Kernel<'a> {
-    /// The same radiance everywhere; 1/sr.
-    Even(f64),
-    /// A rough dielectric over a diffuse cell: `PvGlass`, the same formula.
-    Glossy { index: f64, alpha: f64, diffuse: f64 },
-    /// Anything else, one sun after the other.
-    Any(&'a Bsdf),
+pub(super) struct Ways {
+    /// From there to the spot in the facet's frame, m.
+    pub way: [[f32; POINTS]; 3],
+    /// Area, m2.
+    pub area: [f32; POINTS],
 }
 
-/// Lobes of files are taken to be at least this wide, rad: their cells span a degree or more.
-const MEASURED_WIDTH: f64 = 0.03;
-
-impl<'a> Kernel<'a> {
-    pub(super) fn of(bsdf: &'a Bsdf) -> Self {
-        match bsdf {
-            Bsdf::Lambertian { reflectance } => Self::Even(reflectance * FRAC_1_PI),
-            Bsdf::PvGlass(glass) => {
-                let (index, alpha, diffuse) = glass.parts();
-                Self::Glossy { index, alpha, diffuse }
-            }
-            other => Self::Any(other),
-        }
-    }
-
-    /// Half-width of the lobe as tilts of its half vectors, rad; infinite where there is none.
-    pub(super) fn width(&self) -> f64 {
-        match self {
-            Self::Even(_) => f64::INFINITY,
-            Self::Glossy { alpha, .. } => *alpha,
-            Self::Any(_) => MEASURED_WIDTH,
-        }
-    }
-
-    /// What depends on one direction alone: the share of light that passes the interface, and
-    /// Smith's Lambda.
-    #[inline]
-    fn of_direction(&self, v: DVec3) -> (f64, f64) {
-        match self {
-            Self::Glossy { index, alpha, .. } if v.z > 0.0 => {
-                let tan2 = (v.x * v.x + v.y * v.y) / (v.z * v.z);
-                let hidden = 0.5 * ((1.0 + alpha * alpha * tan2).sqrt() - 1.0);
-                (1.0 - fresnel_reflectance(v.z, *index), hidden)
-            }
-            _ => (0.0, 0.0),
-        }
-    }
-
-    /// Radiance towards `out` (in the facet's frame) from each sun, W/m2/sr:
-    /// `f * cos_i * strength`. Element by element, so that it doesn't depend on how many are
-    /// computed at once.
-    pub(super) fn radiance(&self, suns: &Batch, out: DVec3, into: &mut [f64]) {
-        match *self {
-            Self::Even(f) => {
-                for (i, value) in into.iter_mut().enumerate() {
-                    *value = f * suns.z[i].max(0.0) * suns.strength[i];
-                }
-            }
-            Self::Any(bsdf) => {
-                for (i, value) in into.iter_mut().enumerate() {
-                    let sun = suns.sun(i);
-                    *value = bsdf.evaluate(sun, out) * sun.z.max(0.0) * suns.strength[i];
-                }
-            }
-            Self::Glossy { index, alpha, diffuse } => {
-                let (leaving, hidden) = self.of_direction(out);
-                let glossy = Glossy {
-                    out,
-                    index,
-                    alpha2: alpha * alpha,
-                    lobe: 0.25 / (PI * out.z),
-                    base: diffuse * leaving * FRAC_1_PI,
-                    hidden: 1.0 + hidden,
-                };
-                pulp::Arch::new().dispatch(|| glossy.all(suns, into));
-            }
-        }
+impl Default for Ways {
+    fn default() -> Self {
+        // Of no weight, but no division by 0 either.
+        Self { way: [[0.0; POINTS], [0.0; POINTS], [1.0; POINTS]], area: [0.0; POINTS] }
     }
 }
 
-/// [`Kernel::Glossy`] for one outgoing direction.
-struct Glossy {
-    out: DVec3,
-    index: f64,
-    alpha2: f64,
-    lobe: f64,
-    base: f64,
-    hidden: f64,
+/// A point of the sun's disc.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Place {
+    /// In the sun's frame: to the side, up, and along.
+    pub at: [f32; 3],
+    /// Share of the disc.
+    pub share: f32,
+    /// Halves of the mean squares of the rest of the disc around it, to the side and up: the
+    /// second order of its mean.
+    pub second: [f32; 2],
 }
 
-impl Glossy {
+/// Outgoing directions with what depends on them alone.
+#[derive(Clone, Copy, Debug)]
+struct Outs<const N: usize> {
+    x: [f32; N],
+    y: [f32; N],
+    z: [f32; N],
+    /// Before the lobe.
+    scale: [f32; N],
+    /// Before the ground.
+    ground: [f32; N],
+    /// `1 + Lambda`.
+    hidden: [f32; N],
+    surface: [f32; N],
+    normal: [f32; N],
+}
+
+/// Points of a rule, at most.
+pub(super) const POINTS: usize = 8;
+
+impl Lobe {
+    /// Point by point, all suns at once: for few points and many suns.
+    fn add_suns(&self, points: &[Point], sums: &mut Sums) {
+        for point in points {
+            let out = point.out;
+            let mut outs = Outs {
+                x: [out.x as f32],
+                y: [out.y as f32],
+                z: [out.z as f32],
+                scale: [0.0],
+                ground: [0.0],
+                hidden: [0.0],
+                surface: [point.surface as f32],
+                normal: [point.normal as f32],
+            };
+            self.prepare(&mut outs);
+            pulp::Arch::new().dispatch(One { lobe: self, out: &outs, sums });
+        }
+    }
+
     #[inline(always)]
-    fn all(&self, suns: &Batch, into: &mut [f64]) {
-        let n = into.len();
-        let (x, y, z) = (&suns.x[..n], &suns.y[..n], &suns.z[..n]);
-        let (strength, entering, hidden) =
-            (&suns.strength[..n], &suns.entering[..n], &suns.hidden[..n]);
-        let squared = self.index * self.index;
-        for i in 0..n {
-            let (hx, hy, hz) = (x[i] + self.out.x, y[i] + self.out.y, z[i] + self.out.z);
-            let across2 = hx * hx + hy * hy;
-            let length2 = across2 + hz * hz;
-            let spread = across2 + self.alpha2 * (hz * hz);
-            let density = self.alpha2 * (length2 * length2) / (spread * spread);
-            let c = 0.5 * length2.sqrt();
-            let inside = (1.0 - (1.0 - c * c) / squared).max(0.0).sqrt();
-            let across = (c - self.index * inside) / (c + self.index * inside);
-            let parallel = (self.index * c - inside) / (self.index * c + inside);
-            let mirrored = 0.5 * (across * across + parallel * parallel);
-            let lobe = self.lobe * density * mirrored / (self.hidden + hidden[i]);
-            let value = strength[i] * (lobe + self.base * entering[i] * z[i]);
-            into[i] = if z[i] > 0.0 { value } else { 0.0 };
+    fn prepare<const N: usize>(&self, outs: &mut Outs<N>) {
+        let alpha2 = (self.alpha * self.alpha) as f32;
+        let scale = (self.share * self.alpha * self.alpha * 0.25 / PI) as f32;
+        for k in 0..N {
+            let z = outs.z[k];
+            let z2 = z * z;
+            outs.hidden[k] = 0.5 + 0.5 * (1.0 + alpha2 * (1.0 - z2).max(0.0) / z2).sqrt();
+            outs.scale[k] = scale / z;
+            let at = z * STEPS as f32;
+            let below = (at as usize).min(STEPS - 1);
+            let [a, b] = [self.ground[below], self.ground[below + 1]];
+            outs.ground[k] = a + (at - below as f32) * (b - a);
         }
     }
+
+    /// Sun by sun, all points at once: for few suns, and for discs, which are `places`.
+    /// `toward`: the spot's normal, turned over, in the facet's frame.
+    pub(super) fn add_points(
+        &self,
+        (ways, toward): (&Ways, [f32; 3]),
+        suns: &Suns,
+        list: &[u32],
+        places: &[Place],
+        into: &mut Sums,
+    ) {
+        into.clear(list.len());
+        let lobe = self;
+        pulp::Arch::new().dispatch(Eight { lobe, ways, toward, suns, list, places, into });
+    }
+
+    /// Radiance towards one direction, W/m2/sr. `second`: see [`Place`], and [`Suns::steep`]: the
+    /// mean over a part of the sun's disc is the value at its middle plus half of the mean squares
+    /// times the second derivatives. In the plane of the facet the lobe is a function of the half
+    /// vector's shadow d, `(d^2 + alpha^2 h_z^2)^-2`, and the disc is shorter by `cos_i` along the
+    /// sun's own shadow.
+    #[inline(always)]
+    fn value<const N: usize>(
+        &self,
+        [x, y, z, strength, from, hidden]: [f32; 6],
+        [side, up, steep]: [f32; 3],
+        alpha2: f32,
+        outs: &Outs<N>,
+        p: usize,
+    ) -> f32 {
+        let (dx, dy, hz) = (x + outs.x[p], y + outs.y[p], z + outs.z[p]);
+        let (across2, hz2) = (dx * dx + dy * dy, hz * hz);
+        let length2 = across2 + hz2;
+        // The half vector's length is twice the cosine on the facet.
+        let mirrored = horner(&self.reflectance, length2.sqrt() - 1.0);
+        let spread = across2 + alpha2 * hz2;
+        let seen = outs.hidden[p] + hidden;
+        let inverse = 1.0 / (spread * seen);
+        let q = inverse * seen;
+        let lobe = outs.scale[p] * (length2 * q) * (length2 * q) * (inverse * spread);
+        let along = dx * x + dy * y;
+        let up2 = along * along * steep;
+        let bend =
+            side * (24.0 * q * (across2 - up2) - 4.0) + up * (z * z) * (24.0 * q * up2 - 4.0);
+        strength * lobe * (1.0 + q * bend) * mirrored + outs.ground[p] * from
+    }
+}
+
+/// [`Lobe::add_suns`] for one point. Types of their own, not closures, which would be compiled for
+/// the oldest processor.
+struct One<'a> {
+    lobe: &'a Lobe,
+    out: &'a Outs<1>,
+    sums: &'a mut Sums,
+}
+
+impl pulp::NullaryFnOnce for One<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn call(self) {
+        let Self { lobe, out, sums } = self;
+        let Sums { surface, normal, gathered } = sums;
+        let n = surface.len();
+        let (x, y, z) = (&gathered.x[..n], &gathered.y[..n], &gathered.z[..n]);
+        let (strength, from, hidden) =
+            (&gathered.strength[..n], &gathered.from[..n], &gathered.hidden[..n]);
+        let (surface, normal) = (&mut surface[..n], &mut normal[..n]);
+        let alpha2 = (lobe.alpha * lobe.alpha) as f32;
+        for i in 0..n {
+            let sun = [x[i], y[i], z[i], strength[i], from[i], hidden[i]];
+            let value = lobe.value(sun, [0.0; 3], alpha2, out, 0);
+            surface[i] += out.surface[0] * value;
+            normal[i] += out.normal[0] * value;
+        }
+    }
+}
+
+/// [`Lobe::add_points`].
+struct Eight<'a> {
+    lobe: &'a Lobe,
+    ways: &'a Ways,
+    toward: [f32; 3],
+    suns: &'a Suns,
+    list: &'a [u32],
+    places: &'a [Place],
+    into: &'a mut Sums,
+}
+
+impl pulp::NullaryFnOnce for Eight<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn call(self) {
+        let Self { lobe, ways, toward, suns, list, places, into } = self;
+        let [mut x, mut y, mut z, mut surface, mut normal] = [[0.0; POINTS]; 5];
+        for k in 0..POINTS {
+            let [a, b, c] = [ways.way[0][k], ways.way[1][k], ways.way[2][k]];
+            let away2 = a * a + b * b + c * c;
+            let inverse = 1.0 / away2.sqrt();
+            (x[k], y[k], z[k]) = (a * inverse, b * inverse, (c * inverse).max(1e-5));
+            let cos = (toward[0] * a + toward[1] * b + toward[2] * c) * inverse;
+            let cos = if c > 0.0 { cos.max(0.0) } else { 0.0 };
+            let solid = ways.area[k] * z[k] / away2;
+            surface[k] = solid * cos;
+            normal[k] = solid * (cos / cos.max(MIN_COS));
+        }
+        let empty = [0.0; POINTS];
+        let mut outs =
+            Outs { x, y, z, scale: empty, ground: empty, hidden: empty, surface, normal };
+        lobe.prepare(&mut outs);
+        let alpha2 = (lobe.alpha * lobe.alpha) as f32;
+        for (k, &i) in list.iter().enumerate() {
+            let i = i as usize;
+            let across = suns.across[i];
+            let mut sums = [0.0; POINTS];
+            for place in places {
+                let [u, v, w] = place.at;
+                let sun = [
+                    suns.x[i] * w + across[0] * u + across[3] * v,
+                    suns.y[i] * w + across[1] * u + across[4] * v,
+                    suns.z[i] * w + across[2] * u + across[5] * v,
+                    suns.strength[i],
+                    lobe.from[i],
+                    lobe.hidden[i],
+                ];
+                let second = [place.second[0], place.second[1], suns.steep[i]];
+                for (p, sum) in sums.iter_mut().enumerate() {
+                    *sum += place.share * lobe.value(sun, second, alpha2, &outs, p);
+                }
+            }
+            into.surface[k] = dot(&sums, &outs.surface);
+            into.normal[k] = dot(&sums, &outs.normal);
+        }
+    }
+}
+
+#[inline(always)]
+fn horner(of: &[f32; TERMS], x: f32) -> f32 {
+    let mut sum = of[TERMS - 1];
+    for k in (0..TERMS - 1).rev() {
+        sum = sum * x + of[k];
+    }
+    sum
+}
+
+#[inline(always)]
+fn dot(a: &[f32; POINTS], b: &[f32; POINTS]) -> f32 {
+    let mut products = [0.0; POINTS];
+    for k in 0..POINTS {
+        products[k] = a[k] * b[k];
+    }
+    let [a, b, c, d, e, f, g, h] = products;
+    ((a + e) + (c + g)) + ((b + f) + (d + h))
+}
+
+/// A polynomial of `2 x - 1` through a function of 0..1 at Chebyshev's nodes, and its largest
+/// relative error.
+fn polynomial(of: &dyn Fn(f64) -> f64) -> ([f32; TERMS], f64) {
+    let n = TERMS as f64;
+    let node = |k: usize| libm::cos(PI * (k as f64 + 0.5) / n);
+    let values: Vec<f64> = (0..TERMS).map(|k| of(0.5 * (node(k) + 1.0))).collect();
+    // T_j as polynomials, one after the other.
+    let mut before = [0.0; TERMS];
+    let mut now = [0.0; TERMS];
+    (before[0], now[1]) = (1.0, 1.0);
+    let mut sum = [0.0; TERMS];
+    for j in 0..TERMS {
+        let angle = |k: usize| libm::cos(PI * j as f64 * (k as f64 + 0.5) / n);
+        let c = values.iter().enumerate().map(|(k, v)| v * angle(k)).sum::<f64>() * 2.0 / n;
+        let c = if j == 0 { 0.5 * c } else { c };
+        for (s, t) in sum.iter_mut().zip(before) {
+            *s += c * t;
+        }
+        let mut next = [0.0; TERMS];
+        for k in 0..TERMS {
+            next[k] = if k > 0 { 2.0 * now[k - 1] } else { 0.0 } - before[k];
+        }
+        (before, now) = (now, next);
+    }
+    let out = sum.map(|s| s as f32);
+    let mut fit = 0.0_f64;
+    for i in 0..=1000 {
+        let x = f64::from(i) / 1000.0;
+        let y = out.iter().rev().fold(0.0_f32, |y, c| y * (2.0 * x as f32 - 1.0) + c);
+        let expected = of(x);
+        fit = fit.max((f64::from(y) - expected).abs() / expected.max(1e-3));
+    }
+    (out, fit)
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::base::{Purpose, Stream};
-    use crate::site::bsdf::{Model, on_hemisphere};
+    use crate::site::bsdf::{Bsdf, PRESETS, on_hemisphere};
+
+    fn suns(count: u32) -> Suns {
+        let mut random = Stream::new(1, Purpose::Survey, 0);
+        let mut suns = Suns::default();
+        for step in 0..count {
+            let sun = on_hemisphere(random.uniform(), random.uniform());
+            suns.step.push(step);
+            suns.direction.push(sun);
+            suns.x.push(sun.x as f32);
+            suns.y.push(sun.y as f32);
+            suns.z.push(sun.z as f32);
+            suns.across.push([0.0; 6]);
+            suns.strength.push(700.0);
+        }
+        suns
+    }
 
     #[test]
     fn many_at_once_are_what_one_at_a_time_is() {
-        for alpha in [0.005, 0.05, 0.4] {
-            let model = Model::PvGlass { index: 1.52, ggx_alpha: alpha, cell_reflectance: 0.04 };
-            let bsdf = Bsdf::from_model(&model).expect("valid");
-            let kernel = Kernel::of(&bsdf);
-            let mut random = Stream::new(1, Purpose::Survey, 0);
-            let mut suns = Batch::default();
-            for step in 0..1000 {
-                let sun = on_hemisphere(random.uniform(), random.uniform());
-                suns.push(step, sun, 700.0, &kernel);
-            }
-            let mut values = vec![0.0; suns.len()];
+        let suns = suns(1000);
+        let list: Vec<u32> = (0..1000).collect();
+        for preset in PRESETS {
+            let bsdf = Bsdf::from_model(&preset.model()).expect("valid");
+            let mut random = Stream::new(2, Purpose::Survey, 0);
             for i in 0..100 {
                 // Half of them close to the mirrored direction of some sun.
                 let out = if i % 2 == 0 {
                     on_hemisphere(random.uniform(), random.uniform())
                 } else {
-                    let s = suns.sun(i);
+                    let s = suns.direction[i];
                     (DVec3::new(-s.x, -s.y, s.z) + DVec3::X * 0.01).normalize()
                 };
-                kernel.radiance(&suns, out, &mut values);
-                for (j, value) in values.iter().enumerate() {
-                    let sun = suns.sun(j);
-                    let slow = bsdf.evaluate(sun, out) * sun.z * 700.0;
-                    assert!((value - slow).abs() <= 1e-9 * slow, "{value} {slow}");
+                let point = Point { out, surface: 0.5, normal: 1.0 };
+                let mut values = vec![0.0; 1000];
+                let mut fit = 0.0;
+                for (share, term) in bsdf.terms() {
+                    let mut sums = Sums::default();
+                    let kernel = Kernel::of(share, term, &suns);
+                    kernel.add_all(&[point], &suns, &list, &mut sums);
+                    if let Kernel::Lobe(lobe) = &kernel {
+                        fit = lobe.fit;
+                    }
+                    for ((value, s), n) in values.iter_mut().zip(&sums.surface).zip(&sums.normal) {
+                        assert!((s - 0.5 * n).abs() <= 1e-6 * n);
+                        *value += f64::from(*n);
+                    }
+                }
+                for (sun, value) in suns.direction.iter().zip(&values) {
+                    let slow = bsdf.evaluate(*sun, out) * sun.z * 700.0;
+                    let miss = (value - slow).abs();
+                    assert!(miss <= (1e-4 + fit) * slow, "{}: {value} {slow}", preset.name);
+                    assert!(fit < 2e-3, "{}: {fit}", preset.name);
                 }
             }
         }

@@ -2,7 +2,7 @@
 //! over the PV alone.
 //!
 //! Whether a part of the PV sees a sun doesn't depend on the spot, whether it sees the spot
-//! doesn't depend on time. [`Direct`] asks the first once; [`Direct::year`] integrates the PV's
+//! doesn't depend on time. [`PvSight`] asks the first once; [`Direct::year`] integrates the PV's
 //! scattering over its cells for one spot and all suns, finer where a lobe is narrow, with a
 //! bound of the error. Ideal mirrors are exact: the share of the sun's disc in a polygon.
 //! [`direct_series`] does so for all pixels of a view.
@@ -11,12 +11,17 @@ mod cells;
 mod disc;
 mod integral;
 mod kernel;
+mod rule;
 mod scene;
 mod series;
+mod sight;
 mod specular;
+mod suns;
 #[cfg(test)]
 mod tests;
+mod year;
 
-pub use integral::DirectYear;
-pub use scene::{Direct, DirectScene, DirectScratch, PvSight};
-pub use series::{DirectSummary, TileYear, direct_series};
+pub use scene::{Direct, DirectScene, DirectScratch};
+pub use series::{DirectSinks, DirectSummary, TileYear, direct_series};
+pub use sight::PvSight;
+pub use year::DirectYear;

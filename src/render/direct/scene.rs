@@ -1,20 +1,18 @@
 use glam::DVec3;
 
-use super::cells::{Cell, Rooted, rooted};
+use super::cells::Cell;
 use super::disc::Disc;
-use super::integral::{DirectYear, Integral, Scratch};
-use super::kernel::{Batch, Kernel};
+use super::integral::{DISCS, Integral, SEEN_PARTS, Scratch, disc_places};
+use super::kernel::{Kernel, Place};
+use super::sight::{PvSight, Rooted};
 use super::specular::Specular;
-use crate::base::{Frame, Progress, Timeline};
+use super::year::DirectYear;
+use crate::base::Timeline;
 use crate::render::Error;
-use crate::render::facet::{Facet, facets};
 use crate::site::Site;
 use crate::site::bsdf::Bsdf;
 
-/// Edge of the cells of PV that are asked what they see, m: shadows and hidden parts are known to
-/// that.
-const CELL_M: f64 = 0.5;
-/// Levels above the asked cells on which a spot may spare the rest of its questions: two metres.
+/// Levels above the asked cells at which a spot begins to ask: a metre or two.
 const SKIPPED_LEVELS: u32 = 2;
 /// Spots on surfaces are lifted off them by this much, m.
 const LIFT_M: f64 = 2e-3;
@@ -43,45 +41,18 @@ pub(super) struct Spot {
     pub normal: DVec3,
 }
 
-/// The suns in front of a facet, in its frame.
-#[derive(Debug, Default)]
-pub(super) struct Lights {
-    pub batch: Batch,
-}
-
-/// The PV, and which suns each part of it sees: all that depends neither on materials nor on where
-/// light goes.
-#[derive(Debug)]
-pub struct PvSight {
-    facets: Vec<Facet>,
-    roots: Vec<Rooted>,
-}
-
-impl PvSight {
-    /// Asks every cell of the PV for every sun.
-    ///
-    /// # Errors
-    /// [`Error::Interrupted`].
-    pub fn new(
-        site: &Site,
-        timeline: &Timeline,
-        sun_visibility: bool,
-        progress: &dyn Progress,
-    ) -> Result<Self, Error> {
-        let facets = facets(site);
-        let roots = rooted(site, &facets, timeline, CELL_M, sun_visibility, progress)?;
-        Ok(Self { facets, roots })
-    }
-}
-
 /// A year of suns, ready to be integrated over the PV for any spot.
 #[derive(Debug)]
 pub struct Direct<'a> {
     scene: DirectScene<'a>,
     sight: &'a PvSight,
-    lights: Vec<Lights>,
+    /// By facet: the terms of its scattering function.
+    kernels: Vec<Vec<Kernel<'a>>>,
     disc: Disc,
-    points: [Vec<(f64, f64)>; 3],
+    /// Places on the disc by the way in which it is looked at.
+    places: [Vec<Place>; DISCS],
+    /// By facet: the numbers of its suns.
+    all: Vec<Vec<u32>>,
 }
 
 /// Buffers of one thread, kept from spot to spot.
@@ -89,6 +60,16 @@ pub struct Direct<'a> {
 pub struct DirectScratch {
     scratch: Scratch,
     seen_before: Vec<u32>,
+    at_node: Vec<Answer>,
+}
+
+/// What a node of a lattice said.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+enum Answer {
+    #[default]
+    NotAsked,
+    Hidden,
+    Seen,
 }
 
 impl<'a> Direct<'a> {
@@ -112,12 +93,17 @@ impl<'a> Direct<'a> {
             );
             return Err(Error::Settings { what });
         }
-        let facets = &sight.facets;
         let disc = Disc::new(scene.timeline.sun_diameter_deg);
-        let kernel = |f: &Facet| Kernel::of(scene.bsdfs[usize::from(f.surface)]);
-        let lights = facets.iter().map(|f| Lights::of(f, &kernel(f), scene.timeline)).collect();
-        let points = [4, 16, 64].map(Disc::points);
-        Ok(Self { scene, sight, lights, disc, points })
+        let facets = sight.facets.iter().zip(&sight.suns);
+        let kernels = facets
+            .map(|(facet, suns)| {
+                let terms = scene.bsdfs[usize::from(facet.surface)].terms();
+                terms.into_iter().map(|(share, term)| Kernel::of(share, term, suns)).collect()
+            })
+            .collect();
+        let places = disc_places(&disc);
+        let all = sight.suns.iter().map(|suns| (0..suns.len() as u32).collect()).collect();
+        Ok(Self { scene, sight, kernels, disc, places, all })
     }
 
     /// The year at a spot of a surface with its normal turned to where light may come from; `into`
@@ -131,82 +117,125 @@ impl<'a> Direct<'a> {
     ) {
         into.clear(self.scene.timeline.steps.len());
         let spot = Spot { position, eye: position + normal * LIFT_M, normal };
-        for root in &self.sight.roots {
-            let facet = &self.sight.facets[root.facet];
-            if facet.before_m(spot.position) <= 0.0
-                || root.cell.corners.iter().all(|c| spot.normal.dot(*c - spot.position) <= 0.0)
-            {
+        for (number, facet) in self.sight.facets.iter().enumerate() {
+            let suns = &self.sight.suns[number];
+            if facet.before_m(spot.position) <= 0.0 || suns.len() == 0 {
                 continue;
             }
-            let bsdf = self.scene.bsdfs[usize::from(facet.surface)];
-            if bsdf.is_delta() {
-                let specular = Specular {
-                    site: self.scene.site,
-                    facet,
-                    bsdf,
-                    disc: &self.disc,
-                    spot: &spot,
-                    max_path_m: self.scene.max_path_m,
-                    sun_visibility: self.scene.sun_visibility,
-                };
-                specular.add(&root.cell.corners, &self.lights[root.facet], into);
-                continue;
+            for list in &mut buffers.scratch.arrived {
+                list.clear();
+                list.resize(suns.len(), 0.0);
             }
-            if !self.look_at(root, &spot, &mut buffers.seen_before) {
-                continue;
+            let mut lit = false;
+            for root in self.sight.roots.iter().filter(|root| root.facet == number) {
+                if root.cell.corners.iter().all(|c| spot.normal.dot(*c - spot.position) <= 0.0) {
+                    continue;
+                }
+                let bsdf = self.scene.bsdfs[usize::from(facet.surface)];
+                if bsdf.has_delta() {
+                    let specular = Specular {
+                        site: self.scene.site,
+                        facet,
+                        bsdf,
+                        disc: &self.disc,
+                        points: &self.places[DISCS - 2],
+                        spot: &spot,
+                        max_path_m: self.scene.max_path_m,
+                        sun_visibility: self.scene.sun_visibility,
+                    };
+                    specular.add(&root.cell.corners, suns, into);
+                }
+                if self.kernels[number].is_empty() || !self.look_at(root, &spot, buffers) {
+                    continue;
+                }
+                lit = true;
+                for kernel in &self.kernels[number] {
+                    let mut integral = Integral {
+                        facet,
+                        root,
+                        suns,
+                        kernel,
+                        disc: &self.disc,
+                        places: &self.places,
+                        spot: &spot,
+                        toward: facet.frame.local_from_world(-normal).as_vec3().to_array(),
+                        seen_before: &buffers.seen_before,
+                        scratch: &mut buffers.scratch,
+                    };
+                    integral.add(&self.all[number]);
+                }
             }
-            let mut integral = Integral {
-                facet,
-                root,
-                kernel: Kernel::of(bsdf),
-                disc: &self.disc,
-                points: &self.points,
-                spot: &spot,
-                max_path_m: self.scene.max_path_m,
-                seen_before: &buffers.seen_before,
-                scratch: &mut buffers.scratch,
-                year: into,
-            };
-            integral.add(&self.lights[root.facet]);
+            if lit {
+                let [surface, normal, error] = &buffers.scratch.arrived;
+                for (i, &step) in suns.step.iter().enumerate() {
+                    let [s, n, e] = [surface[i], normal[i], error[i]].map(f64::from);
+                    into.add(step, s, n, e);
+                }
+            }
         }
     }
 
-    /// Which asked cells of a triangle the spot sees; whether there is one.
-    fn look_at(&self, root: &Rooted, spot: &Spot, seen_before: &mut Vec<u32>) -> bool {
+    /// Which parts of a triangle's asked cells the spot sees; whether there are any.
+    fn look_at(&self, root: &Rooted, spot: &Spot, buffers: &mut DirectScratch) -> bool {
+        let DirectScratch { seen_before, at_node, .. } = buffers;
         seen_before.clear();
         seen_before.push(0);
-        self.look_into(&root.cell, root, spot, seen_before);
+        at_node.clear();
+        at_node.resize(root.lattice.len(), Answer::NotAsked);
+        self.look_into(&root.cell, root, spot, (seen_before, at_node));
         seen_before.last().is_some_and(|&seen| seen > 0)
     }
 
-    /// Cells a little larger than those that are asked are asked at their middle and in their
-    /// parts; where all say the same, it holds for all of the cell.
-    fn look_into(&self, cell: &Cell, root: &Rooted, spot: &Spot, seen_before: &mut Vec<u32>) {
-        let below = root.seeing_level - cell.level;
-        let sees = |cell: &Cell| self.spot_sees(cell, root.facet, spot);
+    /// A cell whose corners say the same is seen, or hidden, as a whole; of others the parts are
+    /// asked, four for each asked cell.
+    fn look_into(
+        &self,
+        cell: &Cell,
+        root: &Rooted,
+        spot: &Spot,
+        (seen_before, at_node): (&mut Vec<u32>, &mut [Answer]),
+    ) {
+        let below = root.asked - cell.level;
         if below <= SKIPPED_LEVELS {
-            let first = sees(cell);
-            if below == 0 || cell.parts().iter().all(|part| sees(part) == first) {
+            let mut count = 0;
+            for node in cell.nodes {
+                let answer = &mut at_node[root.lattice.number(node)];
+                if *answer == Answer::NotAsked {
+                    let free = self.spot_sees(root.lattice.place(node), root.facet, spot);
+                    *answer = if free { Answer::Seen } else { Answer::Hidden };
+                }
+                count += u32::from(*answer == Answer::Seen);
+            }
+            let parts = SEEN_PARTS;
+            let each = match count {
+                0 => Some(0),
+                3 => Some(parts),
+                _ if below == 0 => {
+                    let sees = |part: &&Cell| self.spot_sees(part.middle(), root.facet, spot);
+                    Some(cell.parts().iter().filter(sees).count() as u32)
+                }
+                _ => None,
+            };
+            if let Some(each) = each {
                 let mut seen = seen_before.last().copied().unwrap_or(0);
                 for _ in 0..1_u32 << (2 * below) {
-                    seen += u32::from(first);
+                    seen += each;
                     seen_before.push(seen);
                 }
                 return;
             }
         }
         for part in cell.parts() {
-            self.look_into(&part, root, spot, seen_before);
+            self.look_into(&part, root, spot, (seen_before, at_node));
         }
     }
 
-    fn spot_sees(&self, cell: &Cell, facet: usize, spot: &Spot) -> bool {
-        let start = self.sight.facets[facet].lifted(cell.middle());
+    fn spot_sees(&self, place: DVec3, facet: usize, spot: &Spot) -> bool {
+        let start = self.sight.facets[facet].lifted(place);
         let way = spot.eye - start;
         let away_m = way.length();
         let towards = way / away_m;
-        let faces =
-            spot.normal.dot(towards) < 0.0 && away_m - cell.radius_m() < self.scene.max_path_m;
+        let faces = spot.normal.dot(towards) < 0.0 && away_m < self.scene.max_path_m;
         let end_m = (away_m - 0.5 * LIFT_M).max(0.0) as f32;
         let bvh = &self.scene.site.bvh;
         faces && !bvh.occluded(start.as_vec3(), towards.as_vec3(), 0.0, end_m)
@@ -215,23 +244,5 @@ impl<'a> Direct<'a> {
     /// The suns.
     pub fn timeline(&self) -> &Timeline {
         self.scene.timeline
-    }
-}
-
-impl Lights {
-    fn of(facet: &Facet, kernel: &Kernel<'_>, timeline: &Timeline) -> Self {
-        let mut batch = Batch::default();
-        for (i, step) in timeline.steps.iter().enumerate() {
-            let sun = facet.frame.local_from_world(step.sun);
-            if sun.z > 0.0 && step.irradiance_w_m2 > 0.0 {
-                batch.push(i as u32, sun, step.irradiance_w_m2, kernel);
-            }
-        }
-        Self { batch }
-    }
-
-    /// The i-th sun with its frame in the world's axes.
-    pub(super) fn in_world(&self, facet: &Facet, i: usize) -> Frame {
-        Frame::around(facet.frame.world_from_local(self.batch.sun(i)))
     }
 }

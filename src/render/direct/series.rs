@@ -15,7 +15,7 @@ pub struct TileYear {
     pub surface_wh_m2: Vec<f32>,
     /// Radiant exposure on planes that face the beams, Wh/m2.
     pub normal_wh_m2: Vec<f32>,
-    /// Bound of the quadrature's error in the first, Wh/m2.
+    /// Bound of the error in the first, Wh/m2.
     pub error_wh_m2: Vec<f32>,
 }
 
@@ -32,7 +32,7 @@ pub struct DirectSummary {
     pub lit_pixels: u64,
     /// Lit timesteps, summed over the pixels.
     pub lit_timesteps: u64,
-    /// Largest bound of the quadrature's error of a pixel and timestep, W/m2.
+    /// Largest bound of the error of a pixel and timestep, W/m2.
     pub most_error_w_m2: f64,
 }
 
@@ -47,36 +47,44 @@ impl DirectSummary {
     }
 }
 
-/// Integrates every pixel of a view over the year, tile by tile: the time series goes into `sink`,
-/// the year's sums to `keep`, which is called for a tile before the sink seals it. Tiles that the
-/// sink has are passed over, so that an interrupted run goes on where it stopped. Memory holds the
-/// tiles at work.
+/// Where a view's years go.
+#[derive(Clone, Copy)]
+pub struct DirectSinks<'a> {
+    /// The time series of a quantity. Tiles that it has are passed over, so that an interrupted
+    /// run goes on where it stopped.
+    pub series: (Quantity, &'a dyn TileSink),
+    /// The series of the other quantity; sealed before.
+    pub other: Option<(Quantity, &'a dyn TileSink)>,
+    /// Takes a tile's sums over the year before its series is sealed.
+    pub keep: &'a (dyn Fn(TileRect, &TileYear) -> Result<(), SinkError> + Sync),
+}
+
+/// Integrates every pixel of a view over the year, tile by tile. Memory holds the tiles at work.
 ///
 /// # Errors
 /// [`Error::Sink`], [`Error::Interrupted`].
 pub fn direct_series(
     direct: &Direct<'_>,
     hits: &HitMap,
-    quantity: Quantity,
-    sink: &dyn TileSink,
-    keep: &(dyn Fn(TileRect, &TileYear) -> Result<(), SinkError> + Sync),
+    sinks: DirectSinks<'_>,
     progress: &dyn Progress,
 ) -> Result<DirectSummary, Error> {
     let order = Order::of(hits);
     let all = order.tiles();
-    let todo: Vec<TileRect> = all.iter().copied().filter(|&tile| !sink.has(tile)).collect();
+    let todo: Vec<TileRect> =
+        all.iter().copied().filter(|&tile| !sinks.series.1.has(tile)).collect();
     let present = (all.len() - todo.len()) as u64;
     let total = Mutex::new(DirectSummary { tiles_present: present, ..Default::default() });
     let pixels: u64 = todo.iter().map(|tile| tile.pixels() as u64).sum();
     progress.begin("direct integration", pixels, "pixels");
     let weights: Vec<f64> = direct.timeline().steps.iter().map(|s| s.weight_h).collect();
-    let buffers = || (DirectScratch::default(), DirectYear::default(), Vec::new());
+    let buffers = || (DirectScratch::default(), DirectYear::default(), [Vec::new(), Vec::new()]);
     todo.par_iter().try_for_each_init(buffers, |(scratch, year, entries), &tile| {
         let mut summary = DirectSummary { tiles_rendered: 1, ..Default::default() };
         let zero = || vec![0.0_f32; tile.pixels()];
         let mut sums =
             TileYear { surface_wh_m2: zero(), normal_wh_m2: zero(), error_wh_m2: zero() };
-        entries.clear();
+        entries.iter_mut().for_each(Vec::clear);
         for pixel in order.pixels(tile) {
             progress.check()?;
             let hit = &hits.hits[order.index(tile, pixel)];
@@ -85,19 +93,22 @@ pub fn direct_series(
             // A fixed order of sums.
             year.lit.sort_unstable();
             let (mut surface, mut facing, mut error) = (0.0, 0.0, 0.0);
-            let first = entries.len();
+            let first = entries[0].len();
             for &step in &year.lit {
                 let i = step as usize;
                 surface += year.surface_w_m2[i] * weights[i];
                 facing += year.normal_w_m2[i] * weights[i];
                 error += year.error_w_m2[i] * weights[i];
                 summary.most_error_w_m2 = summary.most_error_w_m2.max(year.error_w_m2[i]);
-                let value = match quantity {
-                    Quantity::Surface => year.surface_w_m2[i],
-                    Quantity::Normal => year.normal_w_m2[i],
-                } as f32;
-                if value > 0.0 {
-                    entries.push(SeriesEntry { timestep: step, pixel, irradiance_w_m2: value });
+                let asked = [Some(sinks.series), sinks.other];
+                for (list, (quantity, _)) in entries.iter_mut().zip(asked.into_iter().flatten()) {
+                    let value = match quantity {
+                        Quantity::Surface => year.surface_w_m2[i],
+                        Quantity::Normal => year.normal_w_m2[i],
+                    } as f32;
+                    if value > 0.0 {
+                        list.push(SeriesEntry { timestep: step, pixel, irradiance_w_m2: value });
+                    }
                 }
             }
             let at = usize::from(pixel);
@@ -105,12 +116,17 @@ pub fn direct_series(
             sums.normal_wh_m2[at] = facing as f32;
             sums.error_wh_m2[at] = error as f32;
             summary.pixels += 1;
-            summary.lit_pixels += u64::from(entries.len() > first);
-            summary.lit_timesteps += (entries.len() - first) as u64;
+            summary.lit_pixels += u64::from(entries[0].len() > first);
+            summary.lit_timesteps += (entries[0].len() - first) as u64;
         }
-        entries.sort_unstable_by_key(|e: &SeriesEntry| (e.timestep, e.pixel));
-        keep(tile, &sums)?;
-        sink.put(tile, entries)?;
+        for list in entries.iter_mut() {
+            list.sort_unstable_by_key(|e: &SeriesEntry| (e.timestep, e.pixel));
+        }
+        if let Some((_, other)) = sinks.other.filter(|(_, other)| !other.has(tile)) {
+            other.put(tile, &entries[1])?;
+        }
+        (sinks.keep)(tile, &sums)?;
+        sinks.series.1.put(tile, &entries[0])?;
         total.lock().unwrap_or_else(std::sync::PoisonError::into_inner).add(&summary);
         progress.advance(tile.pixels() as u64);
         Ok::<(), Error>(())

@@ -1,8 +1,10 @@
 use glam::DVec3;
 
 use super::disc::Disc;
-use super::integral::DirectYear;
-use super::scene::{Lights, Spot};
+use super::kernel::Place;
+use super::scene::Spot;
+use super::suns::Suns;
+use super::year::DirectYear;
 use crate::base::Frame;
 use crate::render::MIN_COS;
 use crate::render::facet::Facet;
@@ -16,6 +18,8 @@ pub(super) struct Specular<'a> {
     pub facet: &'a Facet,
     pub bsdf: &'a Bsdf,
     pub disc: &'a Disc,
+    /// Points of the disc in a sun's frame.
+    pub points: &'a [Place],
     pub spot: &'a Spot,
     pub max_path_m: f64,
     pub sun_visibility: bool,
@@ -23,7 +27,7 @@ pub(super) struct Specular<'a> {
 
 impl Specular<'_> {
     /// Adds one triangle of the facet.
-    pub(super) fn add(&self, triangle: &[DVec3; 3], lights: &Lights, year: &mut DirectYear) {
+    pub(super) fn add(&self, triangle: &[DVec3; 3], suns: &Suns, year: &mut DirectYear) {
         let normal = self.facet.frame.z;
         let before_m = self.facet.before_m(self.spot.position);
         let image = self.spot.position - normal * (2.0 * before_m);
@@ -34,13 +38,11 @@ impl Specular<'_> {
         let reach = corners.iter().map(angle).fold(0.0, f64::max) + 1.01 * self.disc.radius_rad;
         let least = if reach < std::f64::consts::PI { libm::cos(reach) } else { -1.0 };
         let local = self.facet.frame.local_from_world(middle);
-        let batch = &lights.batch;
-        for i in 0..batch.len() {
-            let local_sun = batch.sun(i);
+        for (i, &local_sun) in suns.direction.iter().enumerate() {
             if local_sun.dot(local) < least {
                 continue;
             }
-            let sun = lights.in_world(self.facet, i);
+            let sun = suns.in_world(self.facet, i);
             let share = self.disc.share(&sun, &corners);
             let away_m = before_m / local_sun.z;
             // Where the reflected sun stands, seen from the spot.
@@ -50,8 +52,12 @@ impl Specular<'_> {
                 continue;
             }
             let free = self.free(&sun, &corners, image, before_m);
-            let beam = batch.strength[i] * self.bsdf.reflectance(local_sun) * share * free;
-            year.add(batch.step[i], beam * cos, beam * cos / cos.max(f64::from(MIN_COS)), 0.0);
+            let strength = f64::from(suns.strength[i]);
+            let beam = strength * self.bsdf.mirrored(local_sun) * share;
+            let facing = cos / cos.max(f64::from(MIN_COS));
+            // A border through the disc is known to one of its points.
+            let doubt = if free > 0.0 && free < 1.0 { beam * cos / 16.0 } else { 0.0 };
+            year.add(suns.step[i], beam * free * cos, beam * free * facing, doubt);
         }
     }
 
@@ -59,8 +65,12 @@ impl Specular<'_> {
     fn free(&self, sun: &Frame, corners: &[DVec3; 3], image: DVec3, before_m: f64) -> f64 {
         let edges = [0, 1, 2].map(|i| corners[i].cross(corners[(i + 1) % 3]));
         let (mut inside, mut free) = (0.0, 0.0);
-        for point in Disc::points(16) {
-            let at = self.disc.direction(sun, point);
+        for (i, [u, v, w]) in self.points.iter().map(|p| p.at.map(f64::from)).enumerate() {
+            // Every other point of the outer ring says the same: so do the rest.
+            if i == 12 && inside > 4.0 && (free == 0.0 || free == inside) {
+                break;
+            }
+            let at = sun.x * u + sun.y * v + sun.z * w;
             let cos = self.facet.frame.z.dot(at);
             if cos <= 0.0 || edges.iter().any(|e| e.dot(at) < 0.0) {
                 continue;

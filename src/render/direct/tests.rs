@@ -4,7 +4,9 @@ use std::sync::Mutex;
 
 use glam::{DVec3, Vec3};
 
-use super::{Direct, DirectScene, DirectScratch, DirectYear, PvSight, TileYear, direct_series};
+use super::{
+    Direct, DirectScene, DirectScratch, DirectSinks, DirectYear, PvSight, TileYear, direct_series,
+};
 use crate::base::{
     Frame, SeriesEntry, Silent, SinkError, SpectralBasis, TileRect, TileSink, Timeline, Timestep,
 };
@@ -187,30 +189,41 @@ fn a_glossy_plane_is_what_fine_quadrature_gives() {
 #[test]
 fn the_suns_disc_is_integrated() {
     let site = site(&[flat(1.0)]);
-    let at = DVec3::new(-25.0, 1.0, 2.5);
     let normal = DVec3::X;
-    let sun = DVec3::new(25.0, -1.0, 2.5).normalize();
-    let frame = Frame::around(sun);
     let radius = 0.5 * 0.533_f64.to_radians();
-    let mut disc = Vec::new();
-    for i in 0..16 {
-        for j in 0..32 {
-            let r = libm::sqrt((f64::from(i) + 0.5) / 16.0) * radius;
-            let a = 2.0 * PI * (f64::from(j) + 0.5 * f64::from(i % 2)) / 32.0;
-            disc.push(frame.z + frame.x * (r * libm::cos(a)) + frame.y * (r * libm::sin(a)));
+    // Smooth and rough, from on high and at a grazing angle, where discs are looked at as lines.
+    for (alpha, height_m, n, most) in [
+        (0.3, 2.5, 40, 1e-4),
+        (0.05, 2.5, 80, 3e-4),
+        (0.02, 2.5, 80, 3e-4),
+        (0.01, 2.5, 80, 3e-4),
+        (0.006, 12.0, 100, 1e-3),
+        (0.003, 20.0, 160, 3e-3),
+        (0.05, 0.8, 100, 1e-3),
+        (0.02, 0.8, 120, 1e-3),
+    ] {
+        let at = DVec3::new(-25.0, 1.0, height_m);
+        let sun = DVec3::new(25.0, -1.0, height_m).normalize();
+        let frame = Frame::around(sun);
+        let mut disc = Vec::new();
+        for i in 0..12 {
+            for j in 0..24 {
+                let r = libm::sqrt((f64::from(i) + 0.5) / 12.0) * radius;
+                let a = 2.0 * PI * (f64::from(j) + 0.5 * f64::from(i % 2)) / 24.0;
+                disc.push(frame.z + frame.x * (r * libm::cos(a)) + frame.y * (r * libm::sin(a)));
+            }
         }
-    }
-    for alpha in [0.05, 0.02, 0.01] {
         let bsdf = model(&Model::PvGlass { index: 1.52, ggx_alpha: alpha, cell_reflectance: 0.04 });
         let year = year(&site, &timeline(&[sun], 0.533), &bsdf, at, normal);
-        let expected = brute(&bsdf, 1.0, 100, at, normal, &disc);
-        let point = brute(&bsdf, 1.0, 100, at, normal, &[sun]);
-        let miss = year.surface_w_m2[0] / expected - 1.0;
+        let expected = brute(&bsdf, 1.0, n, at, normal, &disc);
+        let point = brute(&bsdf, 1.0, n, at, normal, &[sun]);
+        let found = year.surface_w_m2[0];
+        let (miss, bound) = (found / expected - 1.0, year.error_w_m2[0] / expected);
         println!(
-            "alpha {alpha}: {miss:.1e}; a point sun would miss {:.1e}",
+            "alpha {alpha}, {height_m} m: {miss:.1e}, bound {bound:.1e}; a point sun would miss {:.1e}",
             point / expected - 1.0
         );
-        assert!(miss.abs() < 1e-3, "{} {expected}", year.surface_w_m2[0]);
+        assert!(miss.abs() < most, "alpha {alpha}, {height_m} m: {found} {expected}");
     }
 }
 
@@ -295,7 +308,12 @@ fn a_view_goes_on_where_it_stopped() {
         sums.lock().expect("unpoisoned").insert(tile, year.clone());
         Ok(())
     };
-    let run = |sink: &Kept| direct_series(&direct, &hits, Quantity::Surface, sink, &keep, &Silent);
+    let facing = Kept { most: 100, ..Kept::default() };
+    let run = |sink: &Kept| {
+        let other = Some((Quantity::Normal, &facing as &dyn TileSink));
+        let sinks = DirectSinks { series: (Quantity::Surface, sink), other, keep: &keep };
+        direct_series(&direct, &hits, sinks, &Silent)
+    };
     let mut halfway = Kept { most: 3, ..Kept::default() };
     assert!(run(&halfway).is_err());
     halfway.most = 100;
@@ -316,6 +334,15 @@ fn a_view_goes_on_where_it_stopped() {
         for (own, sum) in own.iter().zip(&sums.surface_wh_m2) {
             assert!((own - f64::from(*sum)).abs() <= 1e-5 * own);
         }
+    }
+    // On planes that face the beams no less arrives than on the wall.
+    let facing = facing.tiles.into_inner().expect("unpoisoned");
+    assert_eq!(facing.len(), b.len());
+    for (on_wall, facing) in b.values().zip(facing.values()) {
+        assert_eq!(on_wall.len(), facing.len());
+        let pairs = on_wall.iter().zip(facing);
+        assert!(pairs.clone().all(|(s, n)| (s.timestep, s.pixel) == (n.timestep, n.pixel)));
+        assert!(pairs.clone().all(|(s, n)| n.irradiance_w_m2 >= s.irradiance_w_m2));
     }
     assert!(all.lit_pixels > 1000 && all.lit_timesteps > 10_000, "{all:?}");
     // Beyond 30 m nothing arrives.

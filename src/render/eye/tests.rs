@@ -39,8 +39,8 @@ fn site(half_m: f32, more: &[[Vec3; 4]]) -> Site {
     )
 }
 
-fn bsdf(model: Model) -> Bsdf {
-    Bsdf::from_model(&model).expect("a model")
+fn bsdf(model: &Model) -> Bsdf {
+    Bsdf::from_model(model).expect("a model")
 }
 
 const AT: DVec3 = DVec3::new(-25.0, 3.0, 9.0);
@@ -70,7 +70,7 @@ fn look(site: &Site, bsdf: &Bsdf, sun: &SunAt) -> (Vec<Glint>, EyeInstant) {
 #[test]
 fn an_even_surface_shines_evenly() {
     let site = site(4.0, &[]);
-    let even = bsdf(Model::Lambertian { reflectance: 0.4 });
+    let even = bsdf(&Model::Lambertian { reflectance: 0.4 });
     let sun = sun(1.0, 1.0);
     let (_, instant) = look(&site, &even, &sun);
     let radiance = 0.4 / PI * sun.direction.z * DNI;
@@ -95,7 +95,7 @@ fn an_even_surface_shines_evenly() {
 #[test]
 fn a_mirror_shows_the_sun() {
     let site = site(4.0, &[]);
-    let mirror = bsdf(Model::Mirror { reflectance: 0.8 });
+    let mirror = bsdf(&Model::Mirror { reflectance: 0.8 });
     let sun = sun(1.0, -0.5);
     let (_, instant) = look(&site, &mirror, &sun);
     let radiance = 0.8 * DNI / sun.solid_angle_sr();
@@ -121,7 +121,7 @@ fn what_shines_adds_up_to_what_arrives() {
     {
         for alpha in [0.3, 0.1, 0.05, 0.02] {
             let glass =
-                bsdf(Model::PvGlass { index: 1.52, ggx_alpha: alpha, cell_reflectance: 0.04 });
+                bsdf(&Model::PvGlass { index: 1.52, ggx_alpha: alpha, cell_reflectance: 0.04 });
             for (x, y) in [(0.0, 0.0), (-4.5, 2.0), (3.0, -4.0), (9.0, 1.0)] {
                 let sun = sun(x, y);
                 let (glints, instant) = look(&scene, &glass, &sun);
@@ -171,7 +171,7 @@ fn integrated(site: &Site, bsdf: &Bsdf, sun: &SunAt) -> [f64; 2] {
 
 #[test]
 fn what_lies_behind_the_eye_or_in_shadow_is_not_seen() {
-    let glass = bsdf(Model::Lambertian { reflectance: 0.4 });
+    let glass = bsdf(&Model::Lambertian { reflectance: 0.4 });
     let scene = site(4.0, &[]);
     let pv = EyePv::new(&scene);
     let away = Eye { position: AT, direction: AT.normalize() };
@@ -217,7 +217,7 @@ fn a_sweep_misses_nothing() {
     };
     let glass = |alpha| Model::PvGlass { index: 1.52, ggx_alpha: alpha, cell_reflectance: 0.04 };
     for model in [glass(0.05), glass(0.01), Model::Glass { index: 1.52 }] {
-        let bsdf = bsdf(model);
+        let bsdf = bsdf(&model);
         let materials = [EyeMaterial::new(&bsdf)];
         let seen = [pv.seen(eye(AT), 0)];
         let sweeper = Sweeper {

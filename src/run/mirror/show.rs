@@ -4,7 +4,9 @@ use std::path::Path;
 
 use super::{Mirrored, MirroredAt, NOTE, date};
 use crate::base::Provenance;
-use crate::picture::occurrence::{Occurrence, Series, Span};
+use crate::picture::Chart;
+use crate::picture::chart::{Axis, Cell, SURFACES, Swatch};
+use crate::picture::figure::Polyline;
 use crate::run::{Error, Resolved};
 use crate::sky;
 
@@ -70,56 +72,48 @@ impl Mirrored {
     }
 
     /// The chart of one receiver: day against clock time, coloured by PV surface.
-    fn chart(&self, resolved: &Resolved, at: &MirroredAt) -> Occurrence {
-        const MONTHS: [&str; 12] =
-            ["Jan", "Feb", "Mar", "Apr", "May", "Jun", "Jul", "Aug", "Sep", "Oct", "Nov", "Dec"];
+    fn chart(&self, resolved: &Resolved, at: &MirroredAt) -> Chart {
         let a = &self.assumptions;
-        let columns = sky::days_in_year(a.year);
-        let parts = (0..columns)
-            .filter_map(|day| match sky::date_of_day(a.year, day) {
-                (month, 1) => Some((day, MONTHS[(month as usize - 1) % 12].to_owned())),
-                _ => None,
-            })
-            .collect();
         let step_h = f64::from(a.step_s) / 3600.0;
-        let series = self
-            .surfaces
-            .iter()
-            .enumerate()
-            .map(|(number, name)| Series {
-                label: format!(
-                    "{name}: {:.1} h a year",
-                    at.minutes_by_surface.get(name).copied().unwrap_or(0.0) / 60.0
-                ),
-                spans: at
-                    .chart
-                    .iter()
-                    .filter(|run| usize::from(run.surface) == number)
-                    .map(|run| Span { column: run.day, from: run.first_h, to: run.last_h + step_h })
-                    .collect(),
-            })
-            .filter(|s: &Series| !s.spans.is_empty())
-            .collect();
+        let (mut cells, mut key) = (Vec::new(), Vec::new());
+        for (number, name) in self.surfaces.iter().enumerate() {
+            let color = SURFACES[number % SURFACES.len()];
+            let before = cells.len();
+            for run in at.chart.iter().filter(|run| usize::from(run.surface) == number) {
+                let day = f64::from(run.day);
+                cells.push(Cell {
+                    x: [day, day + 1.0],
+                    y: [run.first_h, run.last_h + step_h],
+                    color,
+                });
+            }
+            if cells.len() > before {
+                let hours = at.minutes_by_surface.get(name).copied().unwrap_or(0.0) / 60.0;
+                key.push(Swatch { color, label: format!("{name}: {hours:.1} h a year") });
+            }
+        }
         let where_ = match at.point {
             Some([x, y, z]) => format!("at {x:.1}, {y:.1}, {z:.1} m"),
             None => "on any of its points".to_owned(),
         };
         let zone = resolved.place.meridian_deg / 15.0;
-        Occurrence {
+        Chart {
             title: at.name.clone(),
             subtitle: format!(
                 "Mirrored sun {}: {:.1} h a year, at most {} min a day ({})",
                 where_, at.year.hours, at.year.most_minutes, self.rule
             ),
-            columns,
-            parts,
-            range: (0.0, 24.0),
-            series,
-            curves: daylight(resolved, columns),
-            caption: format!(
-                "Local standard time (UTC{zone:+}). {NOTE}. Sun and reflection at least {} degrees apart; steps of {} s; {} suns of {}. Grey: sunrise and sunset on a flat horizon.",
+            x: Axis::days_of_year(sky::days_in_year(a.year) == 366),
+            y: Axis::clock(0.0, 24.0, format!("local standard time (UTC{zone:+})")),
+            ground: [255, 255, 255],
+            cells,
+            lines: daylight(resolved, sky::days_in_year(a.year)),
+            key,
+            caption: vec![format!(
+                "{NOTE}. Sun and reflection at least {} degrees apart; steps of {} s; {} suns of {}. Grey: sunrise and sunset on a flat horizon.",
                 a.separation_deg, a.step_s, a.sun, a.year
-            ),
+            )],
+            watermark: None,
         }
     }
 
@@ -149,9 +143,10 @@ impl Mirrored {
 }
 
 /// Sunrise and sunset of each day, h, to some minutes.
-fn daylight(resolved: &Resolved, days: u32) -> Vec<Vec<f64>> {
+fn daylight(resolved: &Resolved, days: u32) -> Vec<Polyline> {
     const PER_HOUR: u32 = 20;
-    let mut out = vec![Vec::new(), Vec::new()];
+    const GREY: [u8; 3] = [150, 150, 150];
+    let mut out = [Vec::new(), Vec::new()];
     for day in 0..days {
         let hour = |i: u32| f64::from(i) / f64::from(PER_HOUR);
         let up = |i: &u32| {
@@ -160,8 +155,10 @@ fn daylight(resolved: &Resolved, days: u32) -> Vec<Vec<f64>> {
         };
         let first = (0..24 * PER_HOUR).find(up);
         let last = (0..24 * PER_HOUR).rev().find(up);
-        out[0].push(first.map_or(f64::NAN, hour));
-        out[1].push(last.map_or(f64::NAN, hour));
+        for (line, at) in out.iter_mut().zip([first, last]) {
+            line.push([f64::from(day) + 0.5, at.map_or(f64::NAN, hour)]);
+        }
     }
-    out
+    let line = |points| Polyline { points, color: GREY, width: 0.8, label: String::new() };
+    out.map(line).into()
 }

@@ -6,10 +6,10 @@ use std::time::Instant;
 use glintmap_formats::npy;
 use serde_json::json;
 
-use super::render::{attributes, peak, read_hits, writer};
-use crate::base::{Grid, SinkError, TileRect, limits, tiles};
+use super::render::{attributes, names, peak, read_hits, writer};
+use crate::base::{Grid, SinkError, TileRect, TileSink, limits, tiles};
 use crate::picture::{exr, hdr};
-use crate::render::{self, Direct, DirectScene, HitMap, PvSight, TileYear};
+use crate::render::{self, Direct, DirectScene, DirectSinks, HitMap, PvSight, Quantity, TileYear};
 use crate::run::job::{Job, Stage};
 use crate::run::resolve::{Candidate, PlannedView};
 use crate::run::{Error, Folder};
@@ -32,7 +32,14 @@ pub(super) fn maps(
     let waiting = job.folder.waiting_tiles(&candidate.name, &view.name);
     let folder = job.folder.prepare(&waiting.join("tile"))?;
     let folder = folder.parent().unwrap_or(Path::new("")).to_owned();
-    let writer = writer(job, candidate, view, (&key, job.resolved.quantity), &hits)?;
+    let quantity = job.resolved.quantity;
+    let other = match quantity {
+        Quantity::Surface => Quantity::Normal,
+        Quantity::Normal => Quantity::Surface,
+    };
+    let writer_of = |quantity| writer(job, candidate, view, (&key, quantity), &hits);
+    let other = view.both.then(|| Ok::<_, Error>((other, writer_of(other)?))).transpose()?;
+    let writer = writer_of(quantity)?;
     let site = job.site()?;
     let scene = DirectScene {
         site,
@@ -54,14 +61,24 @@ pub(super) fn maps(
         npy::write(&path, &[all.len(), tile.rows, tile.columns], &values)
             .map_err(|e| SinkError::Io(std::io::Error::other(e)))
     };
-    let quantity = job.resolved.quantity;
-    let told = render::direct_series(&direct, &hits, quantity, &writer, &keep, job.progress)?;
+    let sinks = DirectSinks {
+        series: (quantity, &writer),
+        other: other.as_ref().map(|(quantity, writer)| (*quantity, writer as &dyn TileSink)),
+        keep: &keep,
+    };
+    let told = render::direct_series(&direct, &hits, sinks, job.progress)?;
     job.progress.finish();
     let written = writer.finish()?;
     let mut outputs = annual(job, &folder, &hits, candidate, view, &key)?;
-    outputs.push(job.folder.series(&candidate.name, &view.name));
     let about = [("material", candidate.name.as_str()), ("view", view.name.as_str())];
+    let series = |quantity| job.folder.map(&candidate.name, &view.name, names(job, quantity).0);
+    outputs.push(series(quantity));
     outputs.push(peak(job, candidate, view, (&key, &about), quantity)?);
+    if let Some((quantity, writer)) = other {
+        writer.finish()?;
+        outputs.push(series(quantity));
+        outputs.push(peak(job, candidate, view, (&key, &about), quantity)?);
+    }
     job.remove(&waiting)?;
     job.done(&unit, &key, &outputs, began, json!({ "series": written, "integrated": told }))
 }

@@ -10,10 +10,10 @@ use glintmap_formats::seal;
 use rayon::prelude::*;
 use serde_json::json;
 
+use super::glare::Made;
 use super::receivers::sheet::quoted;
 use super::render::read_hits;
-use crate::base::Timeline;
-use crate::glare::{self, Analysis, Event, Events};
+use crate::glare::{self, Event, Events, Regular};
 use crate::pages::{Access, Neighbours, OpenOptions, Query, Store};
 use crate::render::{Hit, HitMap};
 use crate::run::Error;
@@ -38,18 +38,19 @@ pub(super) fn write(
     candidate: &Candidate,
     view: &PlannedView,
     threshold: f64,
-    analysis: &Analysis,
-    axis: Option<&TimeAxis>,
+    made: &Made<'_>,
 ) -> Result<Vec<PathBuf>, Error> {
+    let Made { analysis, axis, grid, .. } = *made;
     let name = |file: &str| job.folder.glare(&candidate.name, &view.name, threshold, file);
     let hits = read_hits(job, view)?;
     let options = OpenOptions { cache_bytes: job.options.page_cache_bytes, access: Access::Mapped };
     let store = Store::open(&job.folder.at(&job.folder.store(&candidate.name)), &options)?;
-    let senders = senders(&analysis.events, &hits, &store, view)?;
-    let timeline = job.timeline()?;
+    let senders = senders(&analysis.events, grid, &hits, &store, view)?;
+    let whole = TimeAxis::from(job.timeline()?);
+    let steps = axis.unwrap_or(&whole);
     let told = Told {
-        clock: Clock::new(&job.resolved.project.site, timeline.year),
-        timeline,
+        clock: Clock::new(&job.resolved.project.site, steps.year),
+        axis: steps,
         site: job.site()?,
         hits: &hits,
         north_deg: job.resolved.scene.north_deg,
@@ -87,6 +88,7 @@ fn pixel(event: &Event, hits: &HitMap) -> usize {
 /// each pixel of a block that is the peak of an event.
 fn senders(
     events: &Events,
+    grid: Option<&Regular<'_>>,
     hits: &HitMap,
     store: &Store,
     view: &PlannedView,
@@ -95,8 +97,13 @@ fn senders(
     let mut out = Vec::with_capacity(events.len());
     let mut all = events.iter().map_err(spilled)?;
     loop {
-        let block: Vec<Event> =
+        let mut block: Vec<Event> =
             all.by_ref().take(BLOCK_EVENTS).collect::<io::Result<_>>().map_err(spilled)?;
+        // Photons know the timesteps of the series.
+        let shown = |at: u32| grid.and_then(|g| g.shown(at as usize)).map_or(at, |t| t as u32);
+        for event in &mut block {
+            (event.first, event.last) = (shown(event.first), shown(event.last));
+        }
         if block.is_empty() {
             return Ok(out);
         }
@@ -158,7 +165,7 @@ fn main_sender(event: &Event, near: &Neighbours) -> Sender {
 /// What turns numbers into words.
 struct Told<'a> {
     clock: Clock,
-    timeline: &'a Timeline,
+    axis: &'a TimeAxis,
     site: &'a Site,
     hits: &'a HitMap,
     north_deg: f64,
@@ -171,8 +178,9 @@ const COLUMNS: &str =
 
 impl Told<'_> {
     fn at(&self, timestep: u32) -> String {
-        let step = self.timeline.steps.get(timestep as usize);
-        step.map_or_else(String::new, |s| self.clock.show(s.day, s.hour))
+        let (at, axis) = (timestep as usize, self.axis);
+        let when = axis.day.get(at).zip(axis.hour.get(at));
+        when.map_or_else(String::new, |(day, hour)| self.clock.show(*day, *hour))
     }
 
     fn map(&self, local: DVec3) -> DVec3 {
@@ -245,7 +253,7 @@ impl Told<'_> {
                     "last": event.last,
                     "first_at": self.at(event.first),
                     "last_at": self.at(event.last),
-                    "duration_h": steps * self.timeline.step_h,
+                    "duration_h": steps * self.axis.step_h,
                     "pixels": event.pixels,
                     "peak_w_m2": event.peak_w_m2,
                     "centroid": [event.centroid_column, event.centroid_row],

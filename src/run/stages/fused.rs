@@ -6,12 +6,13 @@ use std::time::Instant;
 use serde_json::json;
 
 use super::band::{Band, Counter, each_slice};
-use super::glare::{keep, provenance};
+use super::glare::{Made as Kept, keep, provenance};
 use crate::base::{Grid, SeriesEntry, SinkError, TileRect, TileSink, limits};
 use crate::glare::{self, Analysis, Calendar, Plan, Session, TileBatch, YearRows, YearTiles};
 use crate::pages::Store;
 use crate::render::{Fused, Gather, HitMap, Series, Surfaces};
 use crate::run::Error;
+use crate::run::clock::Clock;
 use crate::run::job::Job;
 use crate::run::resolve::{Candidate, PlannedView};
 use crate::volume::TimeAxis;
@@ -62,8 +63,10 @@ pub(super) fn analyse<'a>(
     let (progress, timeline) = (job.progress, job.timeline()?);
     let (quantity, spill) = (job.resolved.quantity, job.folder.root());
     let mut years = Vec::new();
+    let clock_h = Clock::new(&job.resolved.project.site, axis.year).hours(axis);
     for &threshold in thresholds.iter().filter(|_| view.points.is_none()) {
-        years.push(YearTiles::new(axis, [hits.rows, hits.columns], threshold, spill)?);
+        let of = (axis, Some(&clock_h[..]));
+        years.push(YearTiles::new(of, [hits.rows, hits.columns], threshold, spill)?);
     }
     let whole = (!years.is_empty()).then_some(All(&years));
     let whole = whole.as_ref().map(|all| all as &dyn TileSink);
@@ -152,8 +155,8 @@ pub(super) fn record(
     for Analysed { threshold, analysis, band, year } in analyses {
         let key = job.resolved.glare_key(&render_key, threshold)?;
         let unit = format!("glare {} {} {threshold}", candidate.name, view.name);
-        let made = (&analysis, Some(axis), &band);
-        let mut outputs = keep(job, candidate, view, (threshold, &key), made)?;
+        let made = Kept { analysis: &analysis, axis: Some(axis), grid: None, band: &band };
+        let mut outputs = keep(job, candidate, view, (threshold, &key), &made)?;
         if let Some(year) = year {
             let folder = job.folder.glare(&candidate.name, &view.name, threshold, "");
             let attributes = provenance(job, candidate, view, (threshold, &key));

@@ -7,9 +7,10 @@ use super::band::{self, Band};
 use super::fused;
 use super::render::{self, attributes};
 use crate::base::Grid;
-use crate::glare::{self, Analysis, YearRows};
+use crate::glare::{self, Analysis, Regular, Slices, YearRows};
 use crate::picture::exr;
 use crate::run::Error;
+use crate::run::clock::Clock;
 use crate::run::job::{Job, Stage};
 use crate::run::resolve::{Candidate, PlannedView};
 use crate::volume::{TimeAxis, Volume};
@@ -60,25 +61,50 @@ fn one(
         settings.sigma[1..].fill(0.0);
     }
     let steps = volume.shape()[0] as u64;
-    let mut analysis = glare::analyse(&volume, &volume.segments(), &settings, None, job.progress)?;
+    let mut segments = volume.segments();
+    // Steps that differ in length come onto the finest regular grid before they are filtered.
+    let grid = match volume.axis() {
+        Some(axis) => Regular::of(&volume, axis, &segments)?,
+        None => None,
+    };
+    let regular_axis = grid.as_ref().zip(volume.axis()).map(|(grid, axis)| grid.axis(axis));
+    let axis = regular_axis.as_ref().or(volume.axis());
+    let mut source: &dyn Slices = &volume;
+    if let Some(grid) = &grid {
+        source = grid;
+        segments = grid.segments().to_vec();
+    }
+    let mut analysis = glare::analyse(source, &segments, &settings, None, job.progress)?;
     if view.points.is_some() {
         analysis.sustained.clone_from(&analysis.longest_run);
     }
     job.progress.finish();
     let band = band::count(job, candidate, view, &volume, threshold)?;
-    let made = (&analysis, volume.axis(), &band);
-    let mut outputs = keep(job, candidate, view, (threshold, key), made)?;
+    let made = Made { analysis: &analysis, axis, grid: grid.as_ref(), band: &band };
+    let mut outputs = keep(job, candidate, view, (threshold, key), &made)?;
     if let Some(axis) = volume.axis().filter(|_| view.points.is_none()) {
         let folder = job.folder.glare(&candidate.name, &view.name, threshold, "");
         let attributes = provenance(job, candidate, view, (threshold, key));
         let [_, rows, columns] = volume.shape();
-        let make =
-            |rows: YearRows<'_>| glare::year(&volume, threshold, rows, job.progress).map(|_| ());
+        let clock_h = Clock::new(&job.resolved.project.site, axis.year).hours(axis);
+        let make = |rows: YearRows<'_>| {
+            glare::year(&volume, threshold, Some(&clock_h), rows, job.progress).map(|_| ())
+        };
         let of = (axis, [rows, columns]);
         outputs.extend(super::year::write(job, &folder, of, make, &attributes)?);
     }
     let facts = json!({ "events": analysis.events.len(), "timesteps": steps });
     job.done(unit, key, &outputs, began, facts)
+}
+
+/// What an analysis gives.
+pub(super) struct Made<'a> {
+    pub analysis: &'a Analysis,
+    /// Of the timesteps that it counts.
+    pub axis: Option<&'a TimeAxis>,
+    /// What put them onto a regular grid, if they weren't on one.
+    pub grid: Option<&'a Regular<'a>>,
+    pub band: &'a Band,
 }
 
 /// Writes what an analysis found; the names of the files.
@@ -87,10 +113,11 @@ pub(super) fn keep(
     candidate: &Candidate,
     view: &PlannedView,
     (threshold, key): (f64, &str),
-    (analysis, axis, band): (&Analysis, Option<&TimeAxis>, &Band),
+    made: &Made<'_>,
 ) -> Result<Vec<PathBuf>, Error> {
+    let Made { analysis, axis, band, .. } = *made;
     let name = |file: &str| job.folder.glare(&candidate.name, &view.name, threshold, file);
-    let step_h = job.timeline()?.step_h;
+    let step_h = axis.map_or(job.timeline()?.step_h, |axis| axis.step_h);
     let attributes = provenance(job, candidate, view, (threshold, key));
     let mut outputs = Vec::new();
     for (map, counts, hours) in hours(analysis, step_h) {
@@ -102,7 +129,7 @@ pub(super) fn keep(
         outputs.extend([name(&format!("{map}.npy")), exr_name]);
     }
     if view.points.is_none() {
-        outputs.extend(super::events::write(job, candidate, view, threshold, analysis, axis)?);
+        outputs.extend(super::events::write(job, candidate, view, threshold, made)?);
     }
     outputs.push(band::write(job, candidate, view, (threshold, &attributes), band)?);
     Ok(outputs)

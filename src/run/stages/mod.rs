@@ -9,6 +9,7 @@ mod fused;
 mod glare;
 mod judged;
 mod moments;
+mod noted;
 mod people;
 mod photons;
 mod pictures;

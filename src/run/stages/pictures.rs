@@ -4,6 +4,7 @@
 mod confidence;
 mod marks;
 mod occurrence;
+mod regions;
 
 use std::path::PathBuf;
 use std::time::Instant;
@@ -17,6 +18,7 @@ use crate::base::{Grid, SpectralBasis};
 use crate::picture::scale::{self, Below};
 use crate::picture::{Figure, Rgb, Scale, compose, exr, tonemap};
 use crate::run::Error;
+use crate::run::clock::Clock;
 use crate::run::job::{Job, Stage};
 use crate::run::manifest::key_of;
 use crate::run::resolve::{Candidate, PlannedView, Resolved};
@@ -314,8 +316,49 @@ fn unfiltered(
             });
         }
     }
-    // The margins don't depend on a threshold: one picture for all.
-    let Some(t) = thresholds.first() else { return Ok(()) };
+    // The margins don't depend on a threshold: one picture for all. Days and clock times are drawn
+    // for the lowest: those of others lie within.
+    let Some(t) = thresholds.iter().min_by(|a, b| a.total_cmp(b)) else { return Ok(()) };
+    let zone = Clock::new(&job.resolved.project.site, job.timeline()?.year).zone();
+    for (file, channel, title, meaning, unit) in [
+        ("days", "days.d", "Days with glare", "Days with any glare.".to_owned(), "d"),
+        (
+            "first_hour",
+            "first_hour.h",
+            "Earliest glare of any day",
+            format!("Clock time, {zone}."),
+            "h",
+        ),
+        (
+            "last_hour",
+            "last_hour.h",
+            "Latest glare of any day",
+            format!("Clock time, {zone}."),
+            "h",
+        ),
+    ] {
+        let file = format!("glare-{t}/unfiltered/{file}");
+        let grids = all(job, &file, channel)?;
+        let max = scale::percentile(&grids, 1.0);
+        let mut scale = Scale::linear(if max > 0.0 { scale::nice_ceiling(max) } else { 1.0 }, unit);
+        if unit == "h" && max > 0.0 {
+            let lit = grids.iter().flat_map(|g| g.data()).filter(|h| **h > 0.0);
+            let least = lit.fold(24.0f32, |least, h| least.min(*h));
+            scale.min = f64::from(least).floor();
+            scale.max = libm::ceil(max).max(scale.min + 1.0);
+        }
+        out.push(Quantity {
+            file,
+            picture: None,
+            channel: channel.into(),
+            title: format!("{title} above {t} {watts}"),
+            legend: if unit == "h" { "clock time".into() } else { "days with glare".into() },
+            bare: "no colour: never above the threshold".into(),
+            caption: format!("{meaning} Irradiance {what}, unfiltered."),
+            scale,
+            faint_wh_m2: None,
+        });
+    }
     for (file, channel, title, legend) in [
         (
             "exceeded_30min_w_m2",

@@ -6,9 +6,10 @@ use std::time::Instant;
 use serde_json::json;
 
 use super::direct;
+use super::noted::Noted;
 use crate::base::{Grid, SpectralBasis};
 use crate::pages::{Access, OpenOptions, Store};
-use crate::picture::{exr, hdr};
+use crate::picture::{self, exr, hdr};
 use crate::render::{self, Gather, HitMap, Quantity, Series, Surfaces};
 use crate::run::Error;
 use crate::run::cpu::Watch;
@@ -121,9 +122,8 @@ fn maps(job: &mut Job<'_>, candidate: &Candidate, view: &PlannedView) -> Result<
     let about = (key.as_str(), &about[..]);
     let surfaces = view.annual.edges.then(|| job.site().map(Surfaces::of)).transpose()?;
     let made_from = (&store, surfaces.as_ref(), &hits);
-    let watch = Watch::start();
-    let mut outputs = annual(job, made_from, candidate, view, about)?;
-    let annual_took = watch.read();
+    let (mut outputs, annual_took) = annual(job, made_from, candidate, view, about)?;
+    let annual_cache = store.cache_stats();
     let watch = Watch::start();
     let (series, written) = if view.fuse {
         let thresholds = &job.resolved.project.glare.thresholds_w_m2;
@@ -166,6 +166,7 @@ fn maps(job: &mut Job<'_>, candidate: &Candidate, view: &PlannedView) -> Result<
     let facts = json!({
         "cache": store.cache_stats(),
         "annual": annual_took,
+        "annual_cache": annual_cache,
         "series_took": series_took,
         "series": written,
         "gathered": series.summary,
@@ -219,16 +220,21 @@ fn written(
 ) -> Result<(Series, serde_json::Value), Error> {
     let gather = series_gather(job, view)?;
     let writer = writer(job, candidate, view, (about.0, quantity), hits)?;
-    let told = render::series(store, surfaces, hits, &gather, quantity, &writer, job.progress)?;
+    let notes = job.folder.map(&candidate.name, &view.name, names(job, quantity).0);
+    let notes = notes.with_extension("notes");
+    let noted = Noted::open(&writer, &job.folder.prepare(&notes)?, about.0, hits.columns)?;
+    let told = render::series(store, surfaces, hits, &gather, quantity, &noted, job.progress)?;
+    drop(noted);
     job.progress.finish();
     let written = writer.finish()?;
     outputs.push(job.folder.map(&candidate.name, &view.name, names(job, quantity).0));
     outputs.push(peak(job, candidate, view, about, quantity)?);
+    job.remove(&notes)?;
     Ok((told, json!(written)))
 }
 
 /// Names of the series and the peak of a quantity.
-fn names(job: &Job<'_>, quantity: Quantity) -> (&'static str, &'static str) {
+pub(super) fn names(job: &Job<'_>, quantity: Quantity) -> (&'static str, &'static str) {
     match quantity {
         _ if quantity == job.resolved.quantity => ("series.zarr", "peak.exr"),
         Quantity::Surface => ("series_surface.zarr", "peak_surface.exr"),
@@ -272,22 +278,23 @@ fn annual(
     candidate: &Candidate,
     view: &PlannedView,
     (key, about): (&str, &[(&str, &str)]),
-) -> Result<Vec<PathBuf>, Error> {
-    let weights: Vec<f64> = job.timeline()?.steps.iter().map(|s| s.weight_h).collect();
-    let annual = render::annual(store, surfaces, hits, &weights, &view.annual, job.progress)?;
-    job.progress.finish();
+) -> Result<(Vec<PathBuf>, Option<serde_json::Value>), Error> {
     let name = |file: &str| job.folder.map(&candidate.name, &view.name, file);
-    let path = job.folder.prepare(&name("annual.exr"))?;
-    let channels: [(&str, &Grid<f32>); 4] = [
-        ("annual.wh_m2", &annual.surface),
-        ("annual_normal.wh_m2", &annual.normal),
-        ("radius.m", &annual.radius_m),
-        ("standard_error.wh_m2", &annual.error),
-    ];
+    let outputs = vec![name("annual.exr"), name("annual.hdr"), name("annual.npy")];
     let mut attributes = attributes(job, key, about);
     // What `view_file` reads.
     attributes.push(("VIEW".to_owned(), view.view.to_options()));
-    exr::write(&path, &channels, &attributes)?;
+    // Written last: where it says that it was made from the same, the others were, too.
+    let last = job.folder.prepare(&name("annual.exr"))?;
+    let made = |made: picture::Channels| attributes.iter().all(|a| made.attributes.contains(a));
+    if !job.is_forced(Stage::Render) && last.exists() && exr::read(&last).is_ok_and(made) {
+        return Ok((outputs, None));
+    }
+    let watch = Watch::start();
+    let weights: Vec<f64> = job.timeline()?.steps.iter().map(|s| s.weight_h).collect();
+    let annual = render::annual(store, surfaces, hits, &weights, &view.annual, job.progress)?;
+    let took = watch.read();
+    job.progress.finish();
     let grey = annual.surface.map(|v| [*v; 3]);
     let mut lines = vec![
         format!("SOFTWARE= {}", crate::base::Provenance::PROGRAM),
@@ -303,7 +310,14 @@ fn annual(
         &[annual.surface.rows(), annual.surface.columns()],
         annual.surface.data(),
     )?;
-    Ok(vec![name("annual.exr"), name("annual.hdr"), name("annual.npy")])
+    let channels: [(&str, &Grid<f32>); 4] = [
+        ("annual.wh_m2", &annual.surface),
+        ("annual_normal.wh_m2", &annual.normal),
+        ("radius.m", &annual.radius_m),
+        ("standard_error.wh_m2", &annual.error),
+    ];
+    exr::write(&last, &channels, &attributes)?;
+    Ok((outputs, Some(json!(took))))
 }
 
 /// The largest irradiance of the year, from the finished series.

@@ -10,6 +10,7 @@ use crate::base::Grid;
 use crate::glare::{self, YearMap, YearRows};
 use crate::picture::exr;
 use crate::run::Error;
+use crate::run::clock::Clock;
 use crate::run::job::Job;
 use crate::volume::TimeAxis;
 
@@ -29,7 +30,8 @@ pub(super) fn channel(map: YearMap) -> String {
 }
 
 /// Writes the maps of the year into `unfiltered/` below `folder` (a name below `run/`), each as
-/// `.npy` (float32) and `.exr`; `make` hands them on. A month without glare has no map. Memory holds one map at a time.
+/// `.npy` (float32) and `.exr`; `make` hands them on. A month
+/// without glare has no map. Clock times say which clock they mean. Memory holds one map at a time.
 pub(super) fn write(
     job: &Job<'_>,
     folder: &Path,
@@ -38,6 +40,7 @@ pub(super) fn write(
     attributes: &[(String, String)],
 ) -> Result<Vec<PathBuf>, Error> {
     let maps = YearMap::all(axis);
+    let clock = Clock::new(&job.resolved.project.site, axis.year);
     let name = |map: YearMap, extension: &str| {
         folder.join("unfiltered").join(format!("{}.{extension}", map.name()))
     };
@@ -61,7 +64,11 @@ pub(super) fn write(
         }
         let grid = Grid::from_vec(columns, rows, numbers);
         let exr_name = name(*map, "exr");
-        exr::write(&job.folder.at(&exr_name), &[(channel(*map).as_str(), &grid)], attributes)?;
+        let mut attributes = attributes.to_vec();
+        if matches!(map, YearMap::FirstHour | YearMap::LastHour) {
+            attributes.push(("clock".to_owned(), clock.zone()));
+        }
+        exr::write(&job.folder.at(&exr_name), &[(channel(*map).as_str(), &grid)], &attributes)?;
         outputs.extend([name(*map, "npy"), exr_name]);
     }
     Ok(outputs)

@@ -213,6 +213,26 @@ impl Facets {
         ground + facets * self.interface.at(incident.dot(half)) / (4.0 * incident.z * out.z)
     }
 
+    /// Roughness; `None`: smooth.
+    pub(super) fn alpha(&self) -> Option<f64> {
+        self.ggx.map(|ggx| ggx.alpha)
+    }
+
+    /// R of a facet.
+    pub(super) fn facet_reflectance(&self, cos: f64) -> f64 {
+        self.interface.at(cos)
+    }
+
+    /// a.
+    pub(super) fn ground(&self, cos: f64) -> f64 {
+        self.ground.at(cos)
+    }
+
+    /// k.
+    pub(super) fn ground_strength(&self) -> f64 {
+        self.strength
+    }
+
     /// Share of the light that goes into the delta lobe.
     pub(super) fn mirrored(&self, cos: f64) -> f64 {
         if self.ggx.is_some() { 0.0 } else { self.interface.at(cos) }

@@ -16,6 +16,11 @@ impl Mixture {
         Self { parts }
     }
 
+    /// Shares and what they are made of.
+    pub(super) fn parts(&self) -> &[(f64, Bsdf)] {
+        &self.parts
+    }
+
     fn sum(&self, of: impl Fn(&Bsdf) -> f64) -> f64 {
         self.parts.iter().map(|(share, part)| share * of(part)).sum()
     }

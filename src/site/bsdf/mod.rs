@@ -35,6 +35,7 @@ mod scatter;
 mod scattered;
 mod source;
 mod survey;
+mod terms;
 mod tree;
 mod write;
 
@@ -59,5 +60,6 @@ pub use scatter::{Bsdf, Scattered};
 pub use scattered::{Reach, Surface};
 pub use source::Source;
 pub use survey::{ANGLES_DEG, Reciprocity};
+pub use terms::{FacetTerm, Term};
 pub use tree::Tree;
 pub use write::{Cost, Fineness, Written, write, write_points};

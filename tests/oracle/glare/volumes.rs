@@ -147,7 +147,30 @@ pub fn adversarial() -> Vec<(&'static str, Memory)> {
         let gap = y == ring + 1 && x == ring && ring < 6;
         lit(ring % 2 == 0 && !gap && t >= 2 * ring || ring % 2 == 1 && y == ring + 1 && x == ring)
     });
+    // The same across the strips in which the picture is worked through, and over more timesteps
+    // than are read at once.
+    let tall_comb =
+        Memory::from_fn([35, 150, 9], |t, y, x| lit(x % 2 == 0 || (t == 34 && y == 127)));
+    let tall_teeth = Memory::from_fn([20, 140, 9], |t, y, x| lit(y % 2 == 0 || (x == 8 && t > 17)));
+    let far_arms = Memory::from_fn([40, 200, 3], |t, y, x| {
+        lit(x == 1 && ((t < 39 && (y == 0 || y == 199)) || t == 39))
+    });
+    // A staircase whose steps touch by edges and corners, also from strip to strip.
+    let stairs = Memory::from_fn([70, 140, 72], |t, y, x| {
+        lit(y == 2 * t && x == t || y == 2 * t + 1 && x == t + 1)
+    });
+    let worm = Memory::from_fn([50, 135, 6], |t, y, x| {
+        let turn = (t * 7) % 135;
+        lit(y.abs_diff(turn) < 3 && x != 3 || (x == 3 && t % 2 == 0 && y % 64 > 61))
+    });
+    let tall_board = Memory::from_fn([19, 131, 5], |t, y, x| lit((t + y + x) % 2 == 0));
     vec![
+        ("comb across strips", tall_comb),
+        ("teeth across strips", tall_teeth),
+        ("late merge across strips", far_arms),
+        ("stairs across strips", stairs),
+        ("worm across strips", worm),
+        ("checkerboard across strips", tall_board),
         ("comb in time", comb),
         ("comb in space", comb_rows),
         ("checkerboard", board),

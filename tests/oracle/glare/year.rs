@@ -9,7 +9,12 @@ use glintmap::volume::{Quantity, TimeAxis, Volume, Writer};
 use crate::support::series::{Dense, provenance, timeline};
 
 /// The slow way: all timesteps of a pixel in memory.
-fn expected(series: &[f32], axis: &TimeAxis, threshold: f32, map: YearMap) -> f32 {
+fn expected(
+    series: &[f32],
+    (axis, clock_h): (&TimeAxis, &[f64]),
+    threshold: f32,
+    map: YearMap,
+) -> f32 {
     let above = |t: &usize| series[*t] > threshold;
     let all = || (0..series.len()).filter(above);
     let weight = |t: usize| axis.weight_h[t];
@@ -41,8 +46,8 @@ fn expected(series: &[f32], axis: &TimeAxis, threshold: f32, map: YearMap) -> f3
         YearMap::Days => per_day.filter(|n| *n > 0).count() as f32,
         YearMap::LongestRun => (f64::from(runs()) * axis.step_h) as f32,
         YearMap::LongestDay => (per_day.max().unwrap() as f64 * axis.step_h) as f32,
-        YearMap::FirstHour => all().map(|t| axis.hour[t]).reduce(f64::min).unwrap_or(0.0) as f32,
-        YearMap::LastHour => all().map(|t| axis.hour[t]).reduce(f64::max).unwrap_or(0.0) as f32,
+        YearMap::FirstHour => all().map(|t| clock_h[t]).reduce(f64::min).unwrap_or(0.0) as f32,
+        YearMap::LastHour => all().map(|t| clock_h[t]).reduce(f64::max).unwrap_or(0.0) as f32,
         YearMap::ExceededOnWorstDay => days.values().fold(0.0, |worst, day| {
             let mut values = day.iter().map(|v| (*v, axis.step_h)).collect();
             sorted(&mut values);
@@ -101,7 +106,12 @@ fn maps_of_the_year_are_those_of_sorted_lists() {
             found.entry(map.name()).or_default().extend_from_slice(band);
             Ok(())
         };
-        assert!(glare::year(&volume, f64::from(threshold), &mut take, &Silent).unwrap());
+        // Summer time from the 30th day to the 60th; the third volume keeps standard time.
+        let summer = |day: u32| if (30..60).contains(&day) { 1.0 } else { 0.0 };
+        let civil = axis.day.iter().zip(&axis.hour).map(|(day, hour)| hour + summer(*day));
+        let clock_h = if number == 2 { axis.hour.clone() } else { civil.collect() };
+        let given = (number < 2).then_some(&clock_h[..]);
+        assert!(glare::year(&volume, f64::from(threshold), given, &mut take, &Silent).unwrap());
         let maps = YearMap::all(axis);
         assert_eq!(maps.len(), if half_year { 8 } else { 20 });
         assert_eq!(found.len(), maps.len());
@@ -112,7 +122,7 @@ fn maps_of_the_year_are_those_of_sorted_lists() {
             for (pixel, value) in found.iter().enumerate() {
                 let (row, column) = (pixel / columns, pixel % columns);
                 let series: Vec<f32> = (0..shape[0]).map(|t| dense.at(t, row, column)).collect();
-                let expected = expected(&series, axis, threshold, map);
+                let expected = expected(&series, (axis, &clock_h), threshold, map);
                 let close = (value - expected).abs() <= 1e-6 * expected.abs();
                 assert!(close, "{map:?} at {row}, {column}: {value}, expected {expected}");
                 seen += usize::from(*value > 0.0);

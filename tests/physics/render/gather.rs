@@ -18,6 +18,11 @@ use super::pool;
 /// A store of photons on the plane z = 0, as `trace` and `run` would make it.
 pub fn store_of(folder: &Path, photons: &[Photon], timesteps: u32) -> Store {
     let bounds = Aabb { min: vec3(-6.0, -6.0, -1.0), max: vec3(6.0, 6.0, 1.0) };
+    store_within(folder, photons, timesteps, bounds)
+}
+
+/// The same for photons anywhere.
+pub fn store_within(folder: &Path, photons: &[Photon], timesteps: u32, bounds: Aabb) -> Store {
     let (spill, path) = (folder.join("spill"), folder.join("photons.gmp"));
     let mut sink = Spill::create(&spill, bounds, photons.len() as u64, 64 << 20).expect("spills");
     sink.accept(photons).expect("takes photons");

@@ -1,10 +1,11 @@
 //! What is drawn over a map so that one knows where one is: north, scale, compass, sun paths,
-//! observers, the outline of the PV.
+//! observers, the outlines of the PV and of regions.
 
 use std::collections::BTreeMap;
 
 use glam::{DVec3, Vec3};
 
+use super::regions;
 use crate::picture::Figure;
 use crate::picture::figure::{AxisLabel, Marker, Polyline};
 use crate::render::{Projection, View};
@@ -65,6 +66,7 @@ impl Marks {
             }
             _ => marks.polylines = sun_paths(job, view)?,
         }
+        marks.polylines.extend(regions::outlines(job, planned)?);
         Ok(marks)
     }
 

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 
 use crate::base::Timeline;
 use crate::picture::Chart;
-use crate::picture::chart::{Axis, Cell, Swatch};
+use crate::picture::chart::{Axis, Cell, SURFACES, Swatch};
 use crate::run::Error;
 use crate::run::clock::Clock;
 use crate::run::job::Job;
@@ -19,20 +19,7 @@ const DAYLIGHT: [u8; 3] = [251, 248, 240];
 const BELOW: [u8; 3] = [226, 214, 178];
 /// Above the first threshold, the second, and so on; the last stands for all further ones.
 const ABOVE: [[u8; 3]; 4] = [[242, 166, 38], [203, 45, 38], [122, 8, 60], [45, 4, 40]];
-/// Colours that stay apart for the colour-blind (Okabe and Ito 2008), the darker ones first.
-const SURFACES: [[u8; 3]; 7] = [
-    [0, 114, 178],
-    [213, 94, 0],
-    [0, 158, 115],
-    [204, 121, 167],
-    [230, 159, 0],
-    [86, 180, 233],
-    [240, 228, 66],
-];
 const OTHERS: [u8; 3] = [110, 110, 110];
-const MONTHS: [&str; 12] =
-    ["Jan", "Feb", "Mar", "Apr", "May", "Jun", "Jul", "Aug", "Sep", "Oct", "Nov", "Dec"];
-
 /// A timestep with light.
 struct Lit {
     timestep: usize,
@@ -150,15 +137,7 @@ impl<'a> Board<'a> {
         // Whole pairs of hours, so that the marks lie on round ones.
         let from = (libm::floor(low / 2.0) * 2.0).clamp(0.0, 22.0);
         let to = (libm::ceil(high / 2.0) * 2.0).clamp(from + 2.0, 26.0);
-        let marks = || (0..14).map(|i| f64::from(i) * 2.0).filter(|h| (from..=to).contains(h));
         let leap = self.clock.date(59) == "29 February";
-        let lengths = [31, 28 + i32::from(leap), 31, 30, 31, 30, 31, 31, 30, 31, 30, 31];
-        let (mut lines, mut words, mut start) = (Vec::new(), Vec::new(), 0);
-        for (name, length) in MONTHS.into_iter().zip(lengths) {
-            lines.push(f64::from(start));
-            words.push((f64::from(start) + f64::from(length) / 2.0, name.to_owned()));
-            start += length;
-        }
         let mut caption = Vec::new();
         if p.time.half_year {
             caption.push("Only the half year that was computed is shown; it stands for the other half, whose dates and times differ somewhat.".to_owned());
@@ -172,14 +151,8 @@ impl<'a> Board<'a> {
         Chart {
             title: title.to_owned(),
             subtitle: format!("{} · {}", p.site.name, p.time.year),
-            x: Axis { from: 0.0, to: f64::from(start), lines, words, label: String::new() },
-            y: Axis {
-                from,
-                to,
-                lines: marks().collect(),
-                words: marks().map(|h| (h, format!("{:02}:00", h as u32 % 24))).collect(),
-                label: format!("clock time ({})", self.clock.zone()),
-            },
+            x: Axis::days_of_year(leap),
+            y: Axis::clock(from, to, format!("clock time ({})", self.clock.zone())),
             ground: NIGHT,
             cells,
             key: Vec::new(),

@@ -268,8 +268,8 @@ fn smoothed(segments: &[u32], values: &[f64], filter: &Kernel) -> Vec<f64> {
             let i = if back { (i + period - by) % period } else { (i + by) % period };
             own[if i < own.len() { i } else { period - 1 - i }]
         };
-        for i in 0..own.len() {
-            let mut sum = own[i] * weights[0];
+        for (i, value) in own.iter().enumerate() {
+            let mut sum = value * weights[0];
             for (by, weight) in weights.iter().enumerate().skip(1).rev() {
                 sum += (at(i, by, true) + at(i, by, false)) * weight;
             }

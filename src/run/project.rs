@@ -436,7 +436,8 @@ pub struct MomentTable {
     /// An observer's eye instead: a picture along its direction, and a fisheye for evalglare.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub observer: Option<String>,
-    /// `[columns, rows]`; that of the named view if left out.
+    /// `[columns, rows]`; that of the named view if left out. An observer's fisheye is a square of the
+    /// longer edge.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub size: Option<[usize; 2]>,
 }

@@ -13,8 +13,8 @@ pub struct Season {
     pub transmittance: [f64; 12],
 }
 
-/// Crowns that let light through by season. A crown is what one object has of a season's material:
-/// a ray that meets any of its surfaces is weakened once, however many it meets. Trunks, and all
+/// Crowns that let light through by season. A crown is what objects of one name have of a season's
+/// material: a ray that meets any of its surfaces is weakened once, however many it meets. Trunks, and all
 /// that isn't named, are opaque. Rays start and end off surfaces by more than 0.1 mm.
 #[derive(Debug)]
 pub struct Crowns {
@@ -45,7 +45,7 @@ struct Crossing {
 impl Crowns {
     /// The crowns of a scene; `None` where no material is named that it has.
     pub fn of(site: &Site, seasons: &[Season]) -> Option<Self> {
-        let mut crowns: BTreeMap<(u32, usize), u32> = BTreeMap::new();
+        let mut crowns: BTreeMap<(&str, u32, usize), u32> = BTreeMap::new();
         let mut transmittance = Vec::new();
         let (mut solid, mut solid_triangles) = (Vec::<Triangle>::new(), Vec::new());
         let (mut leaves, mut leaf_triangles, mut crown_of) = (Vec::new(), Vec::new(), Vec::new());
@@ -58,7 +58,10 @@ impl Crowns {
                 solid_triangles.push(number);
                 continue;
             };
-            let crown = *crowns.entry((face.object, season)).or_insert_with(|| {
+            // Radiance's files have an object for each polygon: those of one name are one.
+            let id = site.objects[face.object as usize].id.as_str();
+            let unnamed = if id.is_empty() { face.object } else { 0 };
+            let crown = *crowns.entry((id, unnamed, season)).or_insert_with(|| {
                 transmittance.push(seasons[season].transmittance.map(|t| t as f32));
                 transmittance.len() as u32 - 1
             });
@@ -177,7 +180,7 @@ mod tests {
         };
         let triangles = [
             quad(1.0, -1.0, 1.0, 0),
-            quad(2.0, -1.0, 1.0, 0),
+            quad(2.0, -1.0, 1.0, 4),
             quad(3.0, -1.0, 1.0, 1),
             quad(4.0, -1.0, 1.0, 1),
             quad(9.0, -5.0, 5.0, 2),
@@ -190,8 +193,8 @@ mod tests {
             |name: &str| Material { name: name.into(), reflectance: [0.2; 3], diffuse: true };
         Site::from_parts(
             triangles,
-            vec![face(0, 0), face(1, 0), face(2, 1), face(1, 2)],
-            ["oak", "birch", "wall"].map(object).to_vec(),
+            vec![face(0, 0), face(1, 0), face(2, 1), face(1, 2), face(3, 0)],
+            ["oak", "birch", "wall", "oak"].map(object).to_vec(),
             ["leaves", "plaster", "bark"].map(material).to_vec(),
             Vec::new(),
             DVec3::ZERO,
@@ -239,7 +242,7 @@ mod tests {
         for _ in 0..n {
             let hit = crowns.closest(from, Vec3::X, f32::INFINITY, 0, || random.uniform());
             match site.triangles[hit.expect("the wall at last").triangle as usize].face {
-                0 => counts[0] += 1,
+                0 | 4 => counts[0] += 1,
                 1 => counts[1] += 1,
                 _ => counts[2] += 1,
             }

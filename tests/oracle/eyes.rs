@@ -39,8 +39,7 @@ fn evalglare_finds_the_luminances_that_we_computed() {
     let (_keep, folder) = project("tiny");
     let file = folder.join("project.toml");
     let before = std::fs::read_to_string(&file).expect("reads");
-    let moment =
-        "[[moment]]\nname = \"m\"\ndate = \"06-14\"\ntime = \"07:30\"\nobserver = \"Wall\"\n";
+    let moment = "[[moment]]\nname = \"m\"\ndate = \"06-14\"\ntime = \"07:30\"\nobserver = \"Wall\"\nsize = [700, 500]\n";
     std::fs::write(&file, format!("{before}\n{moment}")).expect("writes");
     let path = folder.to_str().expect("a name");
     succeed(&["run", path, "--quiet", "--until", "pictures"]);

@@ -11,5 +11,6 @@ mod closed_maps;
 mod direct;
 mod direct_borders;
 pub mod render;
+mod seasons;
 pub mod trace;
 mod weather;

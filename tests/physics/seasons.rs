@@ -15,7 +15,8 @@ fn look(transmittance: Option<f64>) -> ([f64; 2], String) {
         format!("[[season]]\nmodifier = \"plaster\"\ntransmittance = [0,0,0,0,0,{t},0,0,0,0,0,0]\n")
     });
     // Ground beyond the wall, where photons land that pass it.
-    let region = "[[region]]\nname = \"Behind\"\npolygon = [[-20, -6], [-15.2, -6], [-15.2, 6], [-20, 6]]\n";
+    let region =
+        "[[region]]\nname = \"Behind\"\npolygon = [[-20, -6], [-15.2, -6], [-15.2, 6], [-20, 6]]\n";
     fs::write(&file, format!("{before}\n{region}\n{season}")).expect("writes");
     succeed(&["run", path, "--quiet", "--until", "glare", "--set", "photons.stored=40000"]);
     let text = fs::read_to_string(folder.join("run/standard/receivers/receivers.json"));

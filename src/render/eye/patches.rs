@@ -171,8 +171,9 @@ impl<'a> EyePv<'a> {
                 continue;
             }
             let mut count = 0.0;
-            for i in root.first..root.first + root.cells() {
-                let start = facet.lifted(self.middles[i]);
+            let cells = root.first..root.first + root.cells();
+            for (own, middle) in shares[cells.clone()].iter_mut().zip(&self.middles[cells]) {
+                let start = facet.lifted(*middle);
                 let way = place - start;
                 let length = way.length();
                 let behind = eye.direction.dot(way) >= 0.0;
@@ -183,7 +184,7 @@ impl<'a> EyePv<'a> {
                 }
                 let share = self.site.transmittance(start.as_vec3(), towards, end, month);
                 if share > 0.0 {
-                    shares[i] = share;
+                    *own = share;
                     count += f64::from(share);
                     nearest_m = nearest_m.min(length);
                 }
@@ -260,10 +261,12 @@ impl<'a> EyePv<'a> {
             if facet.frame.z.dot(sun) <= 0.0 {
                 continue;
             }
-            for i in root.first..root.first + root.cells() {
-                if seen.shares[i] > 0.0 {
-                    let start = facet.lifted(self.middles[i]).as_vec3();
-                    shares[i] = self.site.transmittance(start, sun.as_vec3(), f32::INFINITY, month);
+            let cells = root.first..root.first + root.cells();
+            let asked = self.middles[cells.clone()].iter().zip(&seen.shares[cells.clone()]);
+            for (own, (middle, in_sight)) in shares[cells].iter_mut().zip(asked) {
+                if *in_sight > 0.0 {
+                    let start = facet.lifted(*middle).as_vec3();
+                    *own = self.site.transmittance(start, sun.as_vec3(), f32::INFINITY, month);
                 }
             }
         }

@@ -9,8 +9,8 @@ use crate::run::project::MomentTable;
 use crate::run::resolve::{Camera, PlannedMoment};
 use crate::sky;
 
-/// Pixels of a picture along an observer's direction, of one with view options alone, and of a
-/// fisheye.
+/// Pixels of a picture along an observer's direction; of a fisheye, and of one with view options
+/// alone.
 const ALONG: [usize; 2] = [1200, 800];
 const FISHEYE: [usize; 2] = [1000, 1000];
 
@@ -82,9 +82,10 @@ impl Reader<'_> {
                 let name = named(&plain(observer));
                 let camera = |fisheye| Camera::Observer { number, fisheye };
                 let fisheye = format!("{name}-fisheye");
+                let edge = t.size.map_or(FISHEYE, |[columns, rows]| [columns.max(rows); 2]);
                 Ok(vec![
                     planned(name, camera(false), t.size.unwrap_or(ALONG)),
-                    planned(fisheye, camera(true), FISHEYE),
+                    planned(fisheye, camera(true), edge),
                 ])
             }
             _ => Err(wrong("expected either `view` or `observer`".into())),

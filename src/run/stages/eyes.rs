@@ -292,7 +292,7 @@ fn chart(
             zone("burn of the retina", RED, (3e-2, 60.0), curve(burn_w_cm2)),
         ],
         dots: vec![
-            Dots { label: "each timestep that sends light".into(), color: DOT, size: 4.0, points },
+            Dots { label: "each timestep that sends light".into(), color: DOT, size: 5.0, points },
             Dots {
                 label: "the sun itself, looked at (1000 W/m²)".into(),
                 color: SUN,

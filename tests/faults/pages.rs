@@ -322,7 +322,7 @@ fn a_full_disk_is_said_and_loses_nothing() {
         Err(message) => message,
         Ok(()) => full.finish().expect_err("a full disk").to_string(),
     };
-    assert!(message.contains(".photons") && message.contains("bytes needed"), "{message}");
+    assert!(message.contains(".photons") && message.contains("bytes in all"), "{message}");
     assert!(matches!(
         pages::build(&at, &path, &about(), 1 << 26, &Silent),
         Err(Error::Unfinished { .. })

@@ -19,6 +19,7 @@ const RECORD: usize = 8 + 4 * NUMBERS;
 /// checksum covers the key of the run, so that notes of other settings are none.
 pub(super) struct Noted<'a> {
     sink: &'a dyn TileSink,
+    path: &'a Path,
     key: &'a str,
     across: usize,
     file: Mutex<File>,
@@ -28,14 +29,15 @@ impl<'a> Noted<'a> {
     /// Opens the file or makes it. `columns`: of the picture.
     pub fn open(
         sink: &'a dyn TileSink,
-        path: &Path,
+        path: &'a Path,
         key: &'a str,
         columns: usize,
     ) -> Result<Self, Error> {
         let mut how = OpenOptions::new();
         let file = how.read(true).write(true).create(true).truncate(false).open(path);
         let file = file.map_err(|source| Error::Write { path: path.to_owned(), source })?;
-        Ok(Self { sink, key, across: columns.div_ceil(TILE_EDGE), file: Mutex::new(file) })
+        let across = columns.div_ceil(TILE_EDGE);
+        Ok(Self { sink, path, key, across, file: Mutex::new(file) })
     }
 
     fn at(&self, tile: TileRect) -> SeekFrom {
@@ -77,7 +79,11 @@ impl TileSink for Noted<'_> {
         let record = [&self.checksum(tile, &bytes)[..], &bytes].concat();
         let mut file = self.file.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
         let written = file.seek(self.at(tile)).and_then(|_| file.write_all(&record));
-        written.map_err(SinkError::Io)
+        written.map_err(|e| {
+            let what =
+                format!("{}: noting a tile, {} bytes: {e}", self.path.display(), record.len());
+            SinkError::Io(io::Error::new(e.kind(), what))
+        })
     }
 
     fn noted(&self, tile: TileRect) -> Option<Vec<f32>> {

@@ -222,7 +222,8 @@ fn written(
     let writer = writer(job, candidate, view, (about.0, quantity), hits)?;
     let notes = job.folder.map(&candidate.name, &view.name, names(job, quantity).0);
     let notes = notes.with_extension("notes");
-    let noted = Noted::open(&writer, &job.folder.prepare(&notes)?, about.0, hits.columns)?;
+    let path = job.folder.prepare(&notes)?;
+    let noted = Noted::open(&writer, &path, about.0, hits.columns)?;
     let told = render::series(store, surfaces, hits, &gather, quantity, &noted, job.progress)?;
     drop(noted);
     job.progress.finish();

@@ -5,6 +5,7 @@
 //! [`Store`] maps it, keeps decompressed pages in a cache weighed in bytes, and delivers the k
 //! nearest photons of a spot, those in a box, or all. What they mean is for others to say. The
 //! file is described in [`glintmap_formats::gmp`].
+#![doc = include_str!("../docs/photons.md")]
 
 mod bucket;
 mod build;

@@ -14,8 +14,9 @@ Both have as many photons and search within the same largest radius: what the k 
 the same, and what remains is noise and the programs themselves.
 
 The scene is terrain and church. With `--everything`, houses and trees stand in the light, and Radiance
-is some 15 % brighter: it takes photons whose normal is 60 to 90 degrees off at random (probability
-2 cos), so light on crowns and walls is spread onto the ground beside them; glintmap takes none.
+is 10 to 25 % brighter (flux of photons agrees, see photon_density.py). A guess that nobody tested:
+Radiance rejects normals at random (handbook/radiance.md), so that photons on crowns and walls count on
+the ground beside them, where glintmap takes none.
 
 For each block the difference is divided by the standard error of both: photons in the block's disc
 number E A / Phi, with each program's own flux per photon; a block counts where both have 30 photons.

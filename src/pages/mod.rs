@@ -22,7 +22,6 @@ mod page;
 mod parting;
 mod quantise;
 mod query;
-mod shared;
 mod sort;
 mod spill;
 mod store;

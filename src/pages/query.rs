@@ -12,7 +12,6 @@ use glam::Vec3;
 
 use super::Error;
 use super::candidates::{Bound, Candidates};
-use super::shared::Shared;
 use super::store::Store;
 use super::tree::{node_box, page_box};
 
@@ -55,30 +54,25 @@ pub struct Neighbour {
 /// The answer to a query, and the scratch of the search: keep it from query to query.
 #[derive(Default)]
 pub struct Neighbours {
-    /// More than were found: what lies behind is left from queries before.
-    pub(super) items: Vec<Neighbour>,
-    pub(super) count: usize,
-    pub(super) farthest: Option<usize>,
-    pub(super) full: bool,
-    pub(super) candidates: Candidates,
-    pub(super) shared: Shared,
+    items: Vec<Neighbour>,
+    farthest: Option<usize>,
+    full: bool,
+    candidates: Candidates,
     stack: Vec<(f32, u32)>,
-    pub(super) last: Option<Last>,
-    /// How far the search before reached, metres.
-    pub(super) reach_m: f32,
+    last: Option<Last>,
 }
 
 /// The query before, which tells where to begin.
-pub(super) struct Last {
-    pub point: Vec3,
-    pub count: usize,
-    pub radius_m: f32,
+struct Last {
+    point: Vec3,
+    count: usize,
+    radius_m: f32,
 }
 
 impl Neighbours {
     /// The photons that were found, by ascending store index.
     pub fn items(&self) -> &[Neighbour] {
-        &self.items[..self.count]
+        &self.items
     }
 
     /// Position in [`items`](Self::items) of the farthest; of several, the one of the highest
@@ -115,7 +109,6 @@ impl Store {
         found: &mut Neighbours,
     ) -> Result<(), Error> {
         found.items.clear();
-        found.count = 0;
         found.farthest = None;
         found.full = false;
         let radius_m = query.max_radius_m;
@@ -155,7 +148,6 @@ impl Store {
             }),
             _ => None,
         };
-        found.reach_m = found.last.as_ref().map_or(radius_m, |last| last.radius_m);
         Ok(())
     }
 
@@ -227,7 +219,6 @@ impl Neighbours {
                 self.items.push(runs[r].photon(place[at], f32::from_bits(distance[at])));
             }
         }
-        self.count = self.items.len();
         // The pages themselves belong to the cache again.
         self.candidates.clear();
     }

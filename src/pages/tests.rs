@@ -2,7 +2,6 @@
 
 mod caustics;
 mod killed;
-mod shared;
 mod spills;
 mod timesteps;
 

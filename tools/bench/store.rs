@@ -4,8 +4,7 @@
 //!
 //! Prints one row a store: build rates (photons/s on all threads given), bytes a photon, peak
 //! anonymous memory of the build; then one row a set of queries: k nearest a second on one core
-//! (seconds on the processor, not on the clock), each query alone and with shared candidates in
-//! turn, cache hits and misses, resident memory; last how much faster two threads are than one, on
+//! (seconds on the processor, not on the clock), cache hits and misses, resident memory; last how much faster two threads are than one, on
 //! the clock, which needs a machine that does nothing else. `store_peer.py` beside it asks SciPy's cKDTree the
 //! same on the same kind of points.
 
@@ -18,7 +17,7 @@ use glam::Vec3;
 use glintmap::base::{
     Aabb, Photon, PhotonSink, Provenance, Purpose, Silent, SpectralBasis, Stream, Tally,
 };
-use glintmap::pages::{self, About, Access, Error, Neighbours, OpenOptions, Query, Spill, Store};
+use glintmap::pages::{self, About, Access, Neighbours, OpenOptions, Query, Spill, Store};
 
 /// Build photon stores and ask them
 #[derive(Debug, Parser)]
@@ -140,9 +139,9 @@ fn ask(path: &Path, arguments: &Arguments) -> Result<()> {
     let depth = store.levels().len();
     println!("{} photons in {} pages, depth {depth}", store.info().photons, store.info().pages);
     println!(
-        "| queries | k | pass | alone, 1/s | shared, 1/s | ratio | pages touched by a query, alone and shared | hits | misses | photons found | resident, MiB (anonymous) |"
+        "| queries | k | pass | 1/s | pages touched by a query | hits | misses | photons found | resident, MiB (anonymous) |"
     );
-    println!("|---|---|---|---|---|---|---|---|---|---|---|");
+    println!("|---|---|---|---|---|---|---|---|---|");
     for &k in &arguments.k {
         for (name, points) in
             [("patch", patch(&store, arguments)?), ("all over", spread(&store, arguments)?)]
@@ -152,6 +151,7 @@ fn ask(path: &Path, arguments: &Arguments) -> Result<()> {
             }
         }
         let points = patch(&store, arguments)?;
+        together(&store, k, &points, 2)?; // warms the cache
         let one = together(&store, k, &points, 1)?;
         let two = together(&store, k, &points, 2)?;
         println!("k = {k}, two threads: {:.2} times one thread, on the clock", one / two);
@@ -236,25 +236,11 @@ fn row(store: &Store, (name, pass, k): (&str, &str, usize), points: &[(Vec3, Vec
     let alone = cpu_s(THREAD)? - began;
     let after = store.cache_stats();
     let pages = (after.hits + after.misses - before.hits - before.misses) as f64;
-    let mut again = 0;
-    let mut found = Neighbours::default();
-    let began = cpu_s(THREAD)?;
-    store.nearest_each(&queries, &mut found, |_, found| {
-        again += found.items().len();
-        Ok::<(), Error>(())
-    })?;
-    let shared = cpu_s(THREAD)? - began;
-    assert_eq!(photons, again);
-    let last = store.cache_stats();
-    let shared_pages = (last.hits + last.misses - after.hits - after.misses) as f64;
     let rate = |seconds: f64| queries.len() as f64 / seconds;
     println!(
-        "| {name} | {k} | {pass} | {:.0} | {:.0} | {:.2} | {:.2}, {:.2} | {} | {} | {:.0} | {} ({}) |",
+        "| {name} | {k} | {pass} | {:.0} | {:.2} | {} | {} | {:.0} | {} ({}) |",
         rate(alone),
-        rate(shared),
-        alone / shared,
         pages / queries.len() as f64,
-        shared_pages / queries.len() as f64,
         after.hits - before.hits,
         after.misses - before.misses,
         photons as f64 / queries.len() as f64,

@@ -2,7 +2,7 @@ use std::f64::consts::PI;
 
 use glam::DVec3;
 
-use super::kernel::Place;
+use super::lobe::Place;
 use crate::base::Frame;
 
 /// The sun's disc: its radius, and points that stand for it.

@@ -2,7 +2,8 @@ use glam::DVec3;
 
 use super::cells::Cell;
 use super::disc::Disc;
-use super::kernel::{Kernel, POINTS, Place, Point, Sums, Ways};
+use super::kernel::{Kernel, Point, Sums};
+use super::lobe::{POINTS, Place, Ways};
 use super::rule::{GOOD, Look, rule_error};
 use super::scene::Spot;
 use super::sight::{Rooted, WHOLE};

@@ -11,6 +11,7 @@ mod cells;
 mod disc;
 mod integral;
 mod kernel;
+mod lobe;
 mod rule;
 mod scene;
 mod series;

@@ -1,7 +1,8 @@
 use glam::{DVec3, Vec3};
 
 use super::cells::Cell;
-use super::kernel::{POINTS, Point, Ways};
+use super::kernel::Point;
+use super::lobe::{POINTS, Ways};
 use super::scene::Spot;
 use crate::render::MIN_COS;
 use crate::render::facet::Facet;

@@ -1,7 +1,7 @@
 use glam::DVec3;
 
 use super::disc::Disc;
-use super::kernel::Place;
+use super::lobe::Place;
 use super::scene::Spot;
 use super::suns::Suns;
 use super::year::DirectYear;

@@ -6,6 +6,8 @@ use std::time::Instant;
 use glintmap_formats::npy;
 use serde_json::json;
 
+use super::passing::InAir;
+use super::receivers::read_points;
 use super::render::{attributes, names, peak, read_hits, writer};
 use crate::base::{Grid, SinkError, TileRect, TileSink, limits, tiles};
 use crate::picture::{exr, hdr};
@@ -28,7 +30,13 @@ pub(super) fn maps(
         return Ok(());
     }
     let began = Instant::now();
-    let hits = read_hits(job, view)?;
+    let mut hits = read_hits(job, view)?;
+    if view.points.is_some() {
+        // What is integrated needs no surface to land on.
+        if let Some(air) = InAir::of(&read_points(&job.folder, view)?, view) {
+            hits = air.lifted(hits);
+        }
+    }
     let waiting = job.folder.waiting_tiles(&candidate.name, &view.name);
     let folder = job.folder.prepare(&waiting.join("tile"))?;
     let folder = folder.parent().unwrap_or(Path::new("")).to_owned();

@@ -33,7 +33,7 @@ fn look(transmittance: Option<f64>) -> ([f64; 2], String, Vec<f32>) {
     let store = store.to_str().expect("a name");
     let steps = succeed(&["inspect", store, "--per-timestep"]).out;
     let exact = glintmap_formats::npy::Reader::open(&folder.join("run/standard/exact/annual.npy"))
-        .and_then(glintmap_formats::npy::Reader::read_all);
+        .and_then(|reader| reader.read_all());
     ([mean("The wall"), mean("Behind")], steps, exact.expect("numbers"))
 }
 

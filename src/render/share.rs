@@ -19,10 +19,8 @@ use super::loaded::{Light, Loaded};
 use super::surfaces::{Mask, Plane, Surfaces, Tolerance};
 use super::{Error, Gather};
 use crate::base::Aabb;
-use crate::pages::{Neighbour, Neighbours, Query, Store};
+use crate::pages::{ALWAYS, Neighbour, Neighbours, Query, Store};
 
-/// All timesteps of a store.
-const ALWAYS: Range<u32> = 0..u32::MAX;
 /// How much farther than its middle pixel a group looks.
 const AHEAD: f32 = 1.5;
 /// So few pixels that aren't worth their photons together are searched for one by one.

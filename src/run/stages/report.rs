@@ -268,7 +268,7 @@ fn trees(resolved: &Resolved) -> String {
     match resolved.scene.seasons.as_slice() {
         [] => "Trees are opaque all year.".into(),
         seasons => format!(
-            "Crowns let light through by month, each as a whole (January to December: {}); all else is opaque. Pictures draw crowns as they stand in the model, and the mirror rule and views with `estimator = \"direct\"` take them as opaque.",
+            "Crowns let light through by month, each as a whole (January to December: {}); all else is opaque. Maps draw crowns as they stand in the model, and the mirror rule takes them as opaque.",
             seasons.iter().map(one).collect::<Vec<_>>().join("; ")
         ),
     }

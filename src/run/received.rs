@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 use super::error::Error;
 use super::points::{Group, Kind};
 use crate::base::limits::TILE_EDGE;
-use crate::glare::{Run, SpotGlare, margins, runs, spot};
+use crate::glare::{Lengths, Run, SpotGlare, margins, runs, spot};
 use crate::pages::{Neighbours, Query, Store};
 use crate::render::HitMap;
 use crate::render::sensors::{Footing, PvInView};
@@ -26,6 +26,8 @@ const BAND: f64 = 2.0;
 /// `receivers.json`
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Received {
+    /// Which clock `between_h` means: the site's time zone.
+    pub clock: String,
     /// In the order of the points.
     pub groups: Vec<GroupReceived>,
 }
@@ -152,6 +154,8 @@ pub struct Reader<'a> {
     pub axis: &'a TimeAxis,
     /// The same, its hours those that clocks show.
     pub civil: &'a TimeAxis,
+    /// How long its timesteps last.
+    pub lengths: Lengths,
     /// Of the material.
     pub store: &'a Store,
     /// Photons of the series' search.
@@ -201,7 +205,7 @@ impl Reader<'_> {
             self.bands(group, &points, i, at)?;
             let threshold = at.threshold_w_m2 as f32;
             let dazzles = |t: usize| self.counts[t] && strongest[t] > threshold;
-            at.anywhere = spot(self.civil, dazzles);
+            at.anywhere = spot(self.civil, &self.lengths, dazzles);
             let mut all = runs(self.axis, dazzles);
             all.sort_by_key(|r| (std::cmp::Reverse(r.last - r.first), r.first));
             all.truncate(EPISODES);
@@ -249,11 +253,11 @@ impl Reader<'_> {
             .fold((0.0f32, 0), |most, (t, v)| if *v > most.0 { (*v, t) } else { most });
         let glare = |threshold: &f64| {
             let threshold = *threshold as f32;
-            spot(self.civil, |t| self.counts[t] && series[t] > threshold)
+            spot(self.civil, &self.lengths, |t| self.counts[t] && series[t] > threshold)
         };
         Ok(PointReceived {
             peak,
-            margins: margins(self.axis, series)?,
+            margins: margins(self.axis, &self.lengths, series)?,
             glare: self.thresholds.iter().map(glare).collect(),
         })
     }
@@ -452,7 +456,8 @@ impl Reader<'_> {
                 None => value,
             }
         };
-        Ok([-BAND, BAND].map(|by| spot(self.civil, |t| self.counts[t] && moved(t, by) > threshold)))
+        let dazzles = |t: usize, by: f64| self.counts[t] && moved(t, by) > threshold;
+        Ok([-BAND, BAND].map(|by| spot(self.civil, &self.lengths, |t| dazzles(t, by))))
     }
 }
 

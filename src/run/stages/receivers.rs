@@ -11,6 +11,7 @@ use serde_json::json;
 use super::judged::class;
 use super::pictures::read;
 use super::render::read_hits;
+use crate::glare::Lengths;
 use crate::glare::rules::Class;
 use crate::pages::{Access, OpenOptions, Store};
 use crate::render::sensors;
@@ -129,6 +130,7 @@ fn one(
         hits: &hits,
         volume: &volume,
         axis: &axis,
+        lengths: Lengths::of(&axis)?,
         civil: &civil,
         store: &store,
         bandwidth,
@@ -139,7 +141,7 @@ fn one(
         counts: vec![true; steps],
     };
     let mut outputs = Vec::new();
-    let mut all = Received::default();
+    let mut all = Received { clock: clock.zone(), groups: Vec::new() };
     let mut table = sheet::head(thresholds);
     let groups = read_points(job, set)?.groups;
     job.progress.begin("receivers", groups.len() as u64, "receivers");

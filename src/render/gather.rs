@@ -12,6 +12,10 @@ use super::{Error, Estimator, HitMap, Quantity};
 use crate::base::{Grid, Progress};
 use crate::pages::Store;
 
+/// Radiance draws from 0 to 0.02 (`PMAP_NORM_TOL`) the cosine of normals up to which it rejects a
+/// photon: all within 88.9 degrees count, none beyond 90. This is the middle, `acos(0.01)`.
+const RADIANCE_NORMAL_DEG: f32 = 89.43;
+
 /// How photons are gathered.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Gather {
@@ -92,13 +96,14 @@ impl Gather {
         Err(Error::Settings { what })
     }
 
-    /// What is done: the paper's estimator knows neither kernels nor tolerances nor edges.
+    /// What is done: the paper's estimator knows neither kernels nor edges, and takes photons of
+    /// nearly every normal on the same side.
     pub(super) fn as_used(self) -> Self {
         match self.estimator {
             Estimator::Photons => self,
             Estimator::Radiance => Self {
                 kernel: Kernel::Flat,
-                normal_tolerance_deg: 60.0,
+                normal_tolerance_deg: RADIANCE_NORMAL_DEG,
                 plane_tolerance_m: None,
                 edges: false,
                 ..self
@@ -238,7 +243,7 @@ pub fn annual(
     progress.begin("annual map", (hits.columns * hits.rows) as u64, "pixels");
     // A timestep out of range is damage that verify finds; it must not panic here.
     let weight = |t: u32| weights_h.get(t as usize).copied().unwrap_or(0.0);
-    let integers = |beam: Beam| Some(fluxes.integers(beam, weight(beam.timestep)));
+    let integers = |beam: Beam| fluxes.integers(beam, weight(beam.timestep));
     order.tiles().par_iter().try_for_each_init(
         || (Scratch::default(), Vec::new()),
         |(scratch, values), &tile| {

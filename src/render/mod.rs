@@ -37,8 +37,8 @@ mod view_options;
 pub use background::{background, representative_suns};
 pub use confidence::{DECIDED, undecided};
 pub use direct::{
-    Direct, DirectScene, DirectScratch, DirectSinks, DirectSummary, DirectYear, PvSight, TileYear,
-    direct_series,
+    Direct, DirectScene, DirectScratch, DirectSinks, DirectSummary, DirectYear, FusedDirect,
+    PvSight, TileYear, direct_series,
 };
 pub use error::Error;
 pub use estimate::{Estimate, Estimator, Kernel, MIN_COS, MIN_RADIUS_M, estimate};

@@ -11,7 +11,7 @@ use super::series::TileSeries;
 use super::share::Beam;
 use super::{Error, Quantity, Series};
 use crate::base::{Gate, GateSheet, SeriesEntry, SinkError, TileRect, TileSink};
-use crate::pages::Store;
+use crate::pages::{ALWAYS, Store};
 
 /// The gates of a set of sensors and what crossed them.
 #[derive(Clone, Copy)]
@@ -33,7 +33,7 @@ fn area_m2(gate: &Gate) -> f64 {
 impl<'a> Passed<'a> {
     /// Calls `each` with the photons of a gate.
     fn photons(&self, gate: usize, mut each: impl FnMut(Beam)) -> Result<(), Error> {
-        self.store.lit_in_box(self.sheet.cell(gate), |_, _, _, light| {
+        self.store.lit_in_box(self.sheet.cell(gate), &ALWAYS, |_, _, _, light| {
             each(Beam { flux_w: light.flux_w, cos: light.cos, timestep: light.timestep });
             true
         })?;

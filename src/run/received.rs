@@ -8,7 +8,7 @@ use super::error::Error;
 use super::points::Group;
 use super::stages::Crossings;
 use crate::base::limits::TILE_EDGE;
-use crate::glare::{Run, SpotGlare, margins, runs, spot};
+use crate::glare::{Lengths, Run, SpotGlare, margins, runs, spot};
 use crate::pages::{Neighbours, Query, Store};
 use crate::render::HitMap;
 use crate::render::sensors::{Footing, PvInView};
@@ -57,6 +57,8 @@ pub struct Reader<'a> {
     pub axis: &'a TimeAxis,
     /// The same, its hours those that clocks show.
     pub civil: &'a TimeAxis,
+    /// How long its timesteps last.
+    pub lengths: Lengths,
     /// Of the material; none where nothing was made of photons.
     pub store: Option<&'a Store>,
     /// Of its points in free air, where they were counted there.
@@ -112,7 +114,7 @@ impl Reader<'_> {
             }
             let threshold = at.threshold_w_m2 as f32;
             let dazzles = |t: usize| self.counts[t] && strongest[t] > threshold;
-            at.anywhere = spot(self.civil, dazzles);
+            at.anywhere = spot(self.civil, &self.lengths, dazzles);
             let mut all = runs(self.axis, dazzles);
             all.sort_by_key(|r| (std::cmp::Reverse(r.last - r.first), r.first));
             all.truncate(EPISODES);
@@ -161,11 +163,11 @@ impl Reader<'_> {
             .fold((0.0f32, 0), |most, (t, v)| if *v > most.0 { (*v, t) } else { most });
         let glare = |threshold: &f64| {
             let threshold = *threshold as f32;
-            spot(self.civil, |t| self.counts[t] && series[t] > threshold)
+            spot(self.civil, &self.lengths, |t| self.counts[t] && series[t] > threshold)
         };
         Ok(PointReceived {
             peak,
-            margins: margins(self.axis, series)?,
+            margins: margins(self.axis, &self.lengths, series)?,
             glare: self.thresholds.iter().map(glare).collect(),
         })
     }
@@ -364,7 +366,8 @@ impl Reader<'_> {
                 None => value,
             }
         };
-        Ok([-BAND, BAND].map(|by| spot(self.civil, |t| self.counts[t] && moved(t, by) > threshold)))
+        let dazzles = |t: usize, by: f64| self.counts[t] && moved(t, by) > threshold;
+        Ok([-BAND, BAND].map(|by| spot(self.civil, &self.lengths, |t| dazzles(t, by))))
     }
 }
 

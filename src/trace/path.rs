@@ -204,7 +204,7 @@ impl<'a> Tracer<'a> {
                         _ if !keep => {}
                         None => out.photons.extend(self.photon(&current, aim, &path)),
                         Some(gates) => {
-                            self.crossings(gates, &current, aim, &path, &mut out.photons)
+                            self.crossings(gates, &current, aim, &path, &mut out.photons);
                         }
                     }
                 }

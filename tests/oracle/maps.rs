@@ -14,7 +14,7 @@ fn rtrace_and_rcontrib_find_the_same_maps() {
     let said = Command::new(python)
         .arg(script)
         .args(["--glintmap", env!("CARGO_BIN_EXE_glintmap")])
-        .args(["--photons", "50000", "--suns", "20", "--most", "0.12"])
+        .args(["--photons", "100000", "--suns", "20", "--most", "0.12"])
         .output()
         .expect("Python starts");
     let text = String::from_utf8_lossy(&said.stdout);

@@ -11,6 +11,8 @@ use crate::run::points::Kind;
 /// `receivers.json`
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Received {
+    /// Which clock `between_h` means: the site's time zone.
+    pub clock: String,
     /// In the order of the points.
     pub groups: Vec<GroupReceived>,
 }

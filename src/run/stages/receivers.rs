@@ -12,6 +12,7 @@ use super::judged::class;
 use super::passing::Crossings;
 use super::pictures::read;
 use super::render::read_hits;
+use crate::glare::Lengths;
 use crate::glare::rules::Class;
 use crate::pages::{Access, OpenOptions, Store};
 use crate::render::sensors;
@@ -143,6 +144,7 @@ fn one(
         hits: &hits,
         volume: &volume,
         axis: &axis,
+        lengths: Lengths::of(&axis)?,
         civil: &civil,
         store: store.as_ref(),
         air: air.as_ref(),
@@ -160,7 +162,7 @@ fn one(
         counts: vec![true; steps],
     };
     let mut outputs = Vec::new();
-    let mut all = Received::default();
+    let mut all = Received { clock: clock.zone(), groups: Vec::new() };
     let mut table = sheet::head(thresholds);
     let groups = points.groups;
     job.progress.begin("receivers", groups.len() as u64, "receivers");

@@ -11,7 +11,7 @@ use super::passing;
 use crate::base::{Grid, SpectralBasis, TileSink};
 use crate::pages::{Access, OpenOptions, Store};
 use crate::picture::{self, exr, hdr};
-use crate::render::{self, Gather, HitMap, Passed, Quantity, Series, Surfaces};
+use crate::render::{self, Fused, Gather, HitMap, Passed, Quantity, Series, Surfaces};
 use crate::run::Error;
 use crate::run::cpu::Watch;
 use crate::run::job::{Job, Stage};
@@ -135,15 +135,13 @@ fn maps(job: &mut Job<'_>, candidate: &Candidate, view: &PlannedView) -> Result<
         let thresholds = &job.resolved.project.glare.thresholds_w_m2;
         let axis = TimeAxis::from(job.timeline()?);
         let gather = series_gather(job, view)?;
-        let made = super::fused::analyse(job, &axis, view, made_from, &gather, thresholds)?;
+        let made = analysed(job, &axis, view, made_from, &gather, thresholds)?;
         job.progress.finish();
-        super::fused::record(job, candidate, view, &axis, made.analyses, began)?;
-        let name = job.folder.map(&candidate.name, &view.name, "peak.exr");
-        let channel = peak_channel(job.resolved.quantity);
-        let path = job.folder.prepare(&name)?;
-        exr::write(&path, &[(channel, &made.peak)], &attributes(job, about.0, about.1))?;
-        outputs.push(name);
-        (made.series, json!({ "batches": made.batches }))
+        let super::fused::Made { rendered, peak, analyses, batches } = made;
+        let (series, quantity) = (rendered.series, job.resolved.quantity);
+        outputs.push(write_peak(job, candidate, view, about, quantity, &peak)?);
+        super::fused::record(job, candidate, view, &axis, analyses, began)?;
+        (series, json!({ "batches": batches }))
     } else {
         let quantity = job.resolved.quantity;
         let mut written = |quantity| {
@@ -191,13 +189,27 @@ pub(super) fn fused<'a>(
     candidate: &Candidate,
     view: &PlannedView,
     thresholds: &[f64],
-) -> Result<super::fused::Made<'a>, Error> {
+) -> Result<Vec<super::fused::Analysed<'a>>, Error> {
     let hits = read_hits(job, view)?;
     let store = open_store(job, candidate)?;
     let gather = series_gather(job, view)?;
     let surfaces = gather.edges.then(|| job.site().map(Surfaces::of)).transpose()?;
     let from = (&store, surfaces.as_ref(), &hits);
-    super::fused::analyse(job, axis, view, from, &gather, thresholds)
+    Ok(analysed(job, axis, view, from, &gather, thresholds)?.analyses)
+}
+
+fn analysed<'a, 's>(
+    job: &Job<'_>,
+    axis: &'a TimeAxis,
+    view: &PlannedView,
+    (store, surfaces, hits): MadeFrom<'s>,
+    gather: &Gather,
+    thresholds: &[f64],
+) -> Result<super::fused::Made<'a, Fused<'s>>, Error> {
+    super::fused::analyse(job, axis, view, hits, thresholds, |whole| {
+        let to = (job.resolved.quantity, whole);
+        Ok(Fused::prepare(store, surfaces, hits, gather, to, job.progress)?)
+    })
 }
 
 fn open_store(job: &Job<'_>, candidate: &Candidate) -> Result<Store, Error> {
@@ -215,7 +227,7 @@ fn series_gather(job: &Job<'_>, view: &PlannedView) -> Result<Gather, Error> {
 }
 
 /// A key, and what files say of their making beside it.
-type About<'a> = (&'a str, &'a [(&'a str, &'a str)]);
+pub(super) type About<'a> = (&'a str, &'a [(&'a str, &'a str)]);
 type MadeFrom<'a> = (&'a Store, Option<&'a Surfaces<'a>>, &'a HitMap);
 
 /// Writes the series, and the peak of it.
@@ -348,18 +360,29 @@ pub(super) fn peak(
     job: &Job<'_>,
     candidate: &Candidate,
     view: &PlannedView,
-    (key, about): About<'_>,
+    about: About<'_>,
     quantity: Quantity,
 ) -> Result<PathBuf, Error> {
-    let (series, map) = names(job, quantity);
-    let map_of = |name| job.folder.map(&candidate.name, &view.name, name);
-    let volume = Volume::open(&job.folder.at(&map_of(series)))?;
+    let series = job.folder.map(&candidate.name, &view.name, names(job, quantity).0);
+    let volume = Volume::open(&job.folder.at(&series))?;
     let peak = volume.peak(job.progress)?;
     job.progress.finish();
-    let channel = peak_channel(quantity);
-    let path = job.folder.prepare(&map_of(map))?;
-    exr::write(&path, &[(channel, &peak)], &attributes(job, key, about))?;
-    Ok(map_of(map))
+    write_peak(job, candidate, view, about, quantity, &peak)
+}
+
+/// Writes the largest irradiance of the year.
+pub(super) fn write_peak(
+    job: &Job<'_>,
+    candidate: &Candidate,
+    view: &PlannedView,
+    (key, about): About<'_>,
+    quantity: Quantity,
+    peak: &Grid<f32>,
+) -> Result<PathBuf, Error> {
+    let name = job.folder.map(&candidate.name, &view.name, names(job, quantity).1);
+    let path = job.folder.prepare(&name)?;
+    exr::write(&path, &[(peak_channel(quantity), peak)], &attributes(job, key, about))?;
+    Ok(name)
 }
 
 /// Name of the channel of `peak.exr`.

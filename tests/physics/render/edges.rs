@@ -174,6 +174,37 @@ fn open_ground_is_not_touched() {
     }
 }
 
+/// The paper's estimator counts what lands beside the pixel on a steep roof or a crown, as Radiance
+/// does; ours takes normals within 60 degrees.
+#[test]
+fn only_the_papers_estimator_counts_steep_neighbours() {
+    let mut b = Builder::default();
+    b.polygon("ground", &quad(vec3(-5.0, -5.0, 0.0), vec3(5.0, 5.0, 0.0)), false);
+    let site = b.site();
+    let inclined = |degrees: f32| {
+        let mut photons = rain(&[(vec3(-5.0, -5.0, 0.0), vec3(5.0, 5.0, 0.0), 4000)], 7);
+        for photon in photons.iter_mut().skip(1).step_by(2) {
+            photon.normal = vec3(degrees.to_radians().sin(), 0.0, degrees.to_radians().cos());
+        }
+        photons
+    };
+    let at = line(vec3(-3.0, 0.0, 0.0), vec3(3.0, 0.0, 0.0), 30);
+    let default = settings(100);
+    let theirs = Gather { estimator: Estimator::Radiance, ..default };
+    let share = |degrees, how| mean(&gather(&site, &inclined(degrees), &at, how), 40.0);
+    for (degrees, ours, paper) in
+        [(50.0, 1.0, 1.0), (70.0, 0.5, 1.0), (88.0, 0.5, 1.0), (95.0, 0.5, 0.5)]
+    {
+        let found = share(degrees, &default);
+        assert!((found - ours).abs() < 0.1, "{degrees} degrees: ours {found}, expected {ours}");
+        let found = share(degrees, &theirs);
+        assert!(
+            (found - paper).abs() < 0.1,
+            "{degrees} degrees: the paper's {found}, expected {paper}"
+        );
+    }
+}
+
 /// The standard error covers the mean of 64 seeds in 95 of 100 cases.
 #[test]
 fn the_standard_error_is_what_seeds_differ_by() {

@@ -90,7 +90,7 @@ def run(program, project, settings, threads, until="render"):
     for setting in settings:
         command += ["--set", setting]
     began = time.monotonic()
-    process = subprocess.Popen(command)
+    process = subprocess.Popen(command, stdout=subprocess.DEVNULL)
     most = [0.0]
     watch = threading.Thread(target=anonymous_mib, args=(process.pid, most), daemon=True)
     watch.start()
@@ -109,7 +109,7 @@ def traced_s(project):
     for line in lines:
         note = json.loads(line)
         if str(note.get("unit", "")).startswith(("trace ", "pages ")):
-            sums += note.get("took_s", 0.0)
+            sums += note.get("facts", {}).get("took_s", 0.0)
     return sums
 
 

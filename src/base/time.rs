@@ -46,7 +46,7 @@ pub struct Timestep {
 pub struct Timeline {
     /// The timesteps, chronological.
     pub steps: Vec<Timestep>,
-    /// Time between two timesteps of a day, h.
+    /// Time between two timesteps of a day, h; the shortest where they differ.
     pub step_h: f64,
     /// The year that days of the year mean.
     pub year: i32,

@@ -35,6 +35,9 @@ pub(super) struct Arguments {
     /// Hours of the day, standard time (never daylight saving time); B is included
     #[arg(long, value_name = "A:B:STEP", default_value = "0:23.75:0.25")]
     hours: String,
+    /// A stretch of the hours with finer steps; may be given several times
+    #[arg(long, value_name = "A:B:STEP")]
+    finer: Vec<String>,
     /// Where the sun stands
     #[arg(long, value_enum, default_value = "spa")]
     sun: Sun,
@@ -101,6 +104,7 @@ impl Arguments {
             year: self.year,
             days: DayRange::parse(&self.days, self.year)?,
             hours: HourRange::parse(&self.hours)?,
+            finer: self.finer.iter().map(|f| HourRange::parse(f)).collect::<Result<_, _>>()?,
             sun,
             irradiance,
             half_year: self.half_year,

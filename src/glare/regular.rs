@@ -173,8 +173,15 @@ impl Slices for Nothing {
         [self.0, 1, 1]
     }
 
-    fn read(&self, _: Range<usize>, _: Range<usize>, out: &mut [f32]) -> Result<(), ReadFailure> {
+    fn read_lit(
+        &self,
+        _: Range<usize>,
+        _: Range<usize>,
+        out: &mut [f32],
+        lit: &mut [bool],
+    ) -> Result<(), ReadFailure> {
         out.fill(0.0);
+        lit.fill(false);
         Ok(())
     }
 }
@@ -183,18 +190,6 @@ impl Slices for Regular<'_> {
     fn shape(&self) -> [usize; 3] {
         let [_, rows, columns] = self.source.shape();
         [self.shows.len(), rows, columns]
-    }
-
-    fn read(
-        &self,
-        range: Range<usize>,
-        rows: Range<usize>,
-        out: &mut [f32],
-    ) -> Result<(), ReadFailure> {
-        let [_, _, columns] = self.shape();
-        let tiles = rows.len().div_ceil(TILE_EDGE) * columns.div_ceil(TILE_EDGE);
-        let mut lit = vec![true; range.len() * tiles];
-        self.read_lit(range, rows, out, &mut lit)
     }
 
     fn read_lit(
@@ -248,12 +243,14 @@ mod tests {
             [self.0, 1, 1]
         }
 
-        fn read(
+        fn read_lit(
             &self,
             range: Range<usize>,
             _: Range<usize>,
             out: &mut [f32],
+            lit: &mut [bool],
         ) -> Result<(), ReadFailure> {
+            lit.fill(true);
             for (to, t) in out.iter_mut().zip(range) {
                 *to = t as f32;
             }

@@ -12,7 +12,7 @@ use super::slices::{Calendar, Slices};
 use super::smooth::{Part, Smoother};
 use super::stream::{Analysis, Filtered, checked};
 use super::track::Tracker;
-use super::wave::{STRIP_ROWS, Wave};
+use super::wave::{STRIP_ROWS, Scratch, Wave};
 use super::window::{Block, Window};
 use crate::base::limits::TILE_EDGE;
 use crate::base::{Grid, Progress};
@@ -28,6 +28,8 @@ pub struct Session {
     counts: Counts,
     tracker: Tracker,
     window: Window,
+    /// For each strip of a wave.
+    scratch: Vec<Scratch>,
     /// Filtered slices of a pass, where somebody wants them.
     keep: Vec<f32>,
     nonfinite: u64,
@@ -67,6 +69,7 @@ impl Session {
             counts: Counts::new(rows, columns, calendar),
             tracker: Tracker::new(rows, columns, settings, &plan),
             window: Window::new(rows, columns, depth),
+            scratch: Vec::new(),
             keep: Vec::new(),
             nonfinite: 0,
             segments: 0,
@@ -95,13 +98,15 @@ impl Session {
         self.follow(segments)?;
         let [_, rows, columns] = self.shape;
         let pixels = rows * columns;
-        let wave_rows = STRIP_ROWS * rayon::current_num_threads().max(2);
+        let strips = rayon::current_num_threads().max(2);
+        let wave_rows = STRIP_ROWS * strips;
+        self.scratch.resize_with(strips.max(self.scratch.len()), Scratch::default);
         let reach = self.smoother.y.radius();
         let mut passes = Passes::new(segments, before, self.plan.block, self.smoother.t.radius());
         let reader = Reader { source, allow_nonfinite: self.allow_nonfinite };
         // Rows of tiles that a wave needs, its last row given.
         let needed = |end: usize| (end + reach).next_multiple_of(TILE_EDGE).min(rows);
-        let Self { smoother, plan, counts, tracker, window, keep, nonfinite, .. } = self;
+        let Self { smoother, plan, counts, tracker, window, scratch, keep, nonfinite, .. } = self;
         let connectivity = tracker.connectivity();
         let Some(mut pass) = passes.next(tracker.waits_for_the_end()) else { return Ok(()) };
         let mut first = 0;
@@ -144,7 +149,7 @@ impl Session {
                             let (parts, batch) = (&pass.parts, plan.batch);
                             let rows = here.clone();
                             Wave { smoother, window, parts, rows, batch, connectivity }
-                                .run(counts, kept)
+                                .run(counts, kept, scratch)
                         },
                         || reader.read(ahead.as_ref().unwrap_or(&pass), spare),
                     )
@@ -201,7 +206,7 @@ impl Session {
             return Err(self.misplaced(self.next, self.next));
         }
         // The maps need room while the pixels are still there.
-        drop(self.window);
+        drop((self.window, self.scratch));
         let Tracker { durations, mut events, .. } = self.tracker;
         events.sort();
         let pixels = self.counts.pixels();

@@ -60,6 +60,8 @@ pub(super) struct Scratch {
     now: Vec<Now>,
     /// Groups that a column was in before.
     earlier: Vec<Earlier>,
+    /// How long pixels are in groups that reach a face.
+    stays: Vec<Stay>,
 }
 
 #[derive(Debug)]
@@ -101,18 +103,18 @@ impl Slab {
     /// Joins the runs of a strip, timestep by timestep, and counts how long each pixel is above
     /// the threshold.
     pub fn new(
-        strips: &[Vec<Run>],
+        strips: Vec<Vec<Run>>,
         place: &Place<'_>,
         counts: &mut StripCounts<'_>,
         scratch: &mut Scratch,
     ) -> Self {
+        let steps = strips.len();
         scratch.gather(strips, &place.rows);
-        scratch.join(strips.len(), place.rows.len(), place.connectivity);
+        scratch.join(steps, place.rows.len(), place.connectivity);
         let reaches = Reaches::new(place);
         scratch.number(place, &reaches);
-        let mut stays = Vec::new();
-        scratch.count(place, counts, &mut stays);
-        let (steps, height) = (strips.len(), place.rows.len());
+        scratch.count(place, counts);
+        let height = place.rows.len();
         let whole = |s: usize| scratch.face(s * height..(s + 1) * height);
         let line = |row: usize| move |s: usize| s * height + row..s * height + row + 1;
         let lines = |wanted: bool, row: usize| -> Vec<Face> {
@@ -120,7 +122,9 @@ impl Slab {
             here.map(line(row)).map(|lines| scratch.face(lines)).collect()
         };
         let [rows, columns] = place.picture.map(|n| n as u64);
-        let (mut open, mut events) = (Vec::new(), Vec::new());
+        let opened = scratch.groups.iter().filter(|group| group.open.is_some()).count();
+        let mut open = Vec::with_capacity(opened);
+        let mut events = Vec::with_capacity(scratch.groups.len() - opened);
         let first = if reaches.before { whole(0) } else { Face::default() };
         let last = if reaches.after { whole(steps - 1) } else { Face::default() };
         let (top, bottom) = (lines(reaches.above, 0), lines(reaches.below, height - 1));
@@ -130,6 +134,8 @@ impl Slab {
                 None => events.push(group.growing.finished(rows, columns)),
             }
         }
+        let next = Vec::with_capacity(scratch.stays.len());
+        let stays = std::mem::replace(&mut scratch.stays, next);
         Self { rows: place.rows.clone(), first, last, top, bottom, open, stays, events }
     }
 }
@@ -155,7 +161,8 @@ impl Reaches {
 }
 
 impl Scratch {
-    fn gather(&mut self, strips: &[Vec<Run>], rows: &Range<usize>) {
+    /// Takes what was found; what is copied goes at once, so that it isn't there twice.
+    fn gather(&mut self, strips: Vec<Vec<Run>>, rows: &Range<usize>) {
         self.runs.clear();
         self.starts.clear();
         for strip in strips {
@@ -167,7 +174,7 @@ impl Scratch {
                     at += 1;
                 }
             }
-            self.runs.extend_from_slice(strip);
+            self.runs.extend_from_slice(&strip);
         }
         self.starts.push(self.runs.len() as u32);
     }
@@ -254,7 +261,7 @@ impl Scratch {
     }
 
     /// Counts, row by row, so that all that is known of a row stays in the nearest cache.
-    fn count(&mut self, place: &Place<'_>, counts: &mut StripCounts<'_>, stays: &mut Vec<Stay>) {
+    fn count(&mut self, place: &Place<'_>, counts: &mut StripCounts<'_>) {
         let (height, columns) = (place.rows.len(), place.picture[1]);
         self.now.resize(columns, Now::NOWHERE);
         for row in 0..height {
@@ -282,7 +289,7 @@ impl Scratch {
             if touched.is_empty() {
                 continue;
             }
-            let Self { groups, now, earlier, .. } = self;
+            let Self { groups, now, earlier, stays, .. } = self;
             let base = row * columns;
             for column in touched {
                 let mut at = std::mem::replace(&mut now[column], Now::NOWHERE);

@@ -34,19 +34,10 @@ pub trait Slices: Sync {
     /// Fills `out`, `[timestep, row, column]`, with the picked `rows` of the slices of `range`.
     /// Rows begin at a multiple of [`TILE_EDGE`] and end at one, or at the bottom.
     ///
-    /// # Errors
-    /// Whatever keeps the volume from being read.
-    fn read(
-        &self,
-        range: Range<usize>,
-        rows: Range<usize>,
-        out: &mut [f32],
-    ) -> Result<(), ReadFailure>;
-
-    /// [`Self::read`] into room that was used before. `lit` has an entry for each slice and each
-    /// tile of [`TILE_EDGE`] x [`TILE_EDGE`] pixels of those rows, `[slice, tile row, tile column]`:
-    /// on entry `false` says that `out` is all +0 there, on return that the volume is. A volume
-    /// that can't tell says `true` everywhere.
+    /// The room may have been used before. `lit` has an entry for each slice and each tile of
+    /// [`TILE_EDGE`] x [`TILE_EDGE`] pixels of those rows, `[slice, tile row, tile column]`: on
+    /// entry `false` says that `out` is all +0 there, on return that the volume is. A volume that
+    /// can't tell says `true` everywhere.
     ///
     /// # Errors
     /// Whatever keeps the volume from being read.
@@ -56,9 +47,22 @@ pub trait Slices: Sync {
         rows: Range<usize>,
         out: &mut [f32],
         lit: &mut [bool],
+    ) -> Result<(), ReadFailure>;
+
+    /// [`Self::read_lit`] for those who fill the room for the first time.
+    ///
+    /// # Errors
+    /// Whatever keeps the volume from being read.
+    fn read(
+        &self,
+        range: Range<usize>,
+        rows: Range<usize>,
+        out: &mut [f32],
     ) -> Result<(), ReadFailure> {
-        lit.fill(true);
-        self.read(range, rows, out)
+        let [_, _, columns] = self.shape();
+        let tiles = rows.len().div_ceil(TILE_EDGE) * columns.div_ceil(TILE_EDGE);
+        let mut lit = vec![true; range.len() * tiles];
+        self.read_lit(range, rows, out, &mut lit)
     }
 
     /// How many timesteps are best read at once, beginning at a multiple of that number.
@@ -81,18 +85,6 @@ impl From<volume::Error> for ReadFailure {
 impl Slices for Volume {
     fn shape(&self) -> [usize; 3] {
         Volume::shape(self)
-    }
-
-    fn read(
-        &self,
-        range: Range<usize>,
-        rows: Range<usize>,
-        out: &mut [f32],
-    ) -> Result<(), ReadFailure> {
-        let [_, _, columns] = Volume::shape(self);
-        let tiles = rows.len().div_ceil(TILE_EDGE) * columns.div_ceil(TILE_EDGE);
-        let mut lit = vec![true; range.len() * tiles];
-        Ok(self.read_rows(range, rows, out, &mut lit)?)
     }
 
     fn read_lit(

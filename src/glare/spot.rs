@@ -1,4 +1,5 @@
 use super::error::Error;
+use super::lengths::Lengths;
 use crate::volume::TimeAxis;
 
 /// Hours are summed as whole billionths, as the maps of the year are.
@@ -58,19 +59,21 @@ pub fn runs(axis: &TimeAxis, dazzles: impl Fn(usize) -> bool) -> Vec<Run> {
     out
 }
 
-/// The glare of a place that is dazzled at the timesteps for which `dazzles` says so.
-pub fn spot(axis: &TimeAxis, dazzles: impl Fn(usize) -> bool) -> SpotGlare {
+/// The glare of a place that is dazzled at the timesteps for which `dazzles` says so. The axis may
+/// have the hours of any clock, `lengths` are those in standard time.
+pub fn spot(axis: &TimeAxis, lengths: &Lengths, dazzles: impl Fn(usize) -> bool) -> SpotGlare {
     let runs = runs(axis, dazzles);
     let mut out = SpotGlare::default();
     let mut longest = 0;
     for run in &runs {
-        if run.last - run.first + 1 > longest {
-            longest = run.last - run.first + 1;
+        let count: u32 = (run.first..=run.last).map(|t| lengths.instants(t)).sum();
+        if count > longest {
+            longest = count;
             // Timesteps are bounded by MAX_TIMESTEPS.
             out.longest_run_at = run.first as u32;
         }
     }
-    out.longest_run_h = longest as f64 * axis.step_h;
+    out.longest_run_h = f64::from(longest) * lengths.step_h();
     let (mut sum, mut months) = (0u64, [0u64; 12]);
     let (mut today, mut most, mut day) = (0u32, 0u32, None);
     for t in runs.iter().flat_map(|run| run.first..=run.last) {
@@ -81,7 +84,7 @@ pub fn spot(axis: &TimeAxis, dazzles: impl Fn(usize) -> bool) -> SpotGlare {
             (day, today) = (Some(axis.day[t]), 0);
             out.days += 1;
         }
-        today += 1;
+        today += lengths.instants(t);
         if today > most {
             (most, out.longest_day) = (today, axis.day[t]);
         }
@@ -89,7 +92,7 @@ pub fn spot(axis: &TimeAxis, dazzles: impl Fn(usize) -> bool) -> SpotGlare {
         let [first, last] = out.between_h.unwrap_or([hour, hour]);
         out.between_h = Some([first.min(hour), last.max(hour)]);
     }
-    out.longest_day_h = f64::from(most) * axis.step_h;
+    out.longest_day_h = f64::from(most) * lengths.step_h();
     out.hours = sum as f64 / BILLIONTHS;
     out.months_h = months.map(|m| m as f64 / BILLIONTHS);
     out
@@ -100,13 +103,14 @@ pub fn spot(axis: &TimeAxis, dazzles: impl Fn(usize) -> bool) -> SpotGlare {
 ///
 /// # Errors
 /// A series that doesn't fit the axis, a time step out of range.
-pub fn margins(axis: &TimeAxis, series: &[f32]) -> Result<[f32; 2], Error> {
+pub fn margins(axis: &TimeAxis, lengths: &Lengths, series: &[f32]) -> Result<[f32; 2], Error> {
     if series.len() != axis.day.len() {
         return Err(Error::Calendar { found: axis.day.len(), timesteps: series.len() });
     }
-    let half_hour = (0.5 / axis.step_h - SLACK_H).ceil().max(1.0);
-    if !(axis.step_h > 0.0 && half_hour <= 1800.0) {
-        return Err(Error::Step(axis.step_h));
+    let step_h = lengths.step_h();
+    let half_hour = (0.5 / step_h - SLACK_H).ceil().max(1.0);
+    if !(step_h > 0.0 && half_hour <= 1800.0) {
+        return Err(Error::Step(step_h));
     }
     let descending = |values: &mut Vec<(f32, f64)>| values.sort_by(|a, b| b.0.total_cmp(&a.0));
     let lit = || (0..series.len()).filter(|t| series[*t] > 0.0);
@@ -116,9 +120,15 @@ pub fn margins(axis: &TimeAxis, series: &[f32]) -> Result<[f32; 2], Error> {
     while start < series.len() {
         let day = axis.day[start];
         let end = (start..series.len()).find(|t| axis.day[*t] != day).unwrap_or(series.len());
-        let mut values: Vec<(f32, f64)> = (start..end).map(|t| (series[t], 0.0)).collect();
+        let count = |t: usize| (series[t], f64::from(lengths.instants(t)));
+        let mut values: Vec<(f32, f64)> = (start..end).map(count).collect();
         descending(&mut values);
-        worst_day = worst_day.max(values.get(half_hour as usize - 1).map_or(0.0, |v| v.0));
+        let mut sum = 0.0;
+        let full = values.iter().find(|(_, instants)| {
+            sum += instants;
+            sum >= half_hour
+        });
+        worst_day = worst_day.max(full.map_or(0.0, |v| v.0));
         start = end;
     }
     all.extend(lit().map(|t| (series[t], axis.weight_h[t])));

@@ -120,16 +120,6 @@ impl Slices for TileBatch {
         self.shape
     }
 
-    fn read(
-        &self,
-        range: Range<usize>,
-        rows: Range<usize>,
-        out: &mut [f32],
-    ) -> Result<(), ReadFailure> {
-        let mut lit = vec![true; range.len() * rows.len().div_ceil(TILE_EDGE) * self.across()];
-        self.read_lit(range, rows, out, &mut lit)
-    }
-
     fn read_lit(
         &self,
         range: Range<usize>,

@@ -60,7 +60,8 @@ struct Ongoing {
 
 impl Tracker {
     pub fn new(rows: usize, columns: usize, settings: &Settings, plan: &Plan) -> Self {
-        // One half for visits, a quarter each for the list of events and what is paged out.
+        // One half for visits, a quarter for what is paged out, little for the list of events,
+        // which grows with the year and is written in one piece after the other.
         let quarter = plan.spill_bytes / 4;
         Self {
             rows,
@@ -73,10 +74,11 @@ impl Tracker {
             alive: Vec::new(),
             seen: Vec::new(),
             durations: Durations::new(rows * columns),
-            events: Events::new(quarter, settings.spill.clone()),
+            events: Events::new(quarter / 4, settings.spill.clone()),
             paged: Paged::new(quarter, settings.spill.clone()),
             visit_bytes: 2 * quarter,
-            max_aliases: (rows * columns / 8).max(1 << 12),
+            // An alias takes as much as an event, and taking them back goes through all pixels.
+            max_aliases: (rows * columns / 256).max(1 << 12),
         }
     }
 

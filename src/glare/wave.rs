@@ -11,7 +11,7 @@ use super::window::Window;
 
 /// Rows that one thread filters at a time: enough that the rows above and below, which are
 /// filtered in time twice, don't matter.
-pub(super) const STRIP_ROWS: usize = 64;
+pub(super) const STRIP_ROWS: usize = 32;
 
 /// Neighbouring strips of the picture, at the timesteps of some parts.
 pub(super) struct Wave<'a> {
@@ -25,9 +25,9 @@ pub(super) struct Wave<'a> {
     pub connectivity: Connectivity,
 }
 
-/// Buffers of one thread.
+/// Buffers for one strip of a wave, used again in the next wave.
 #[derive(Default)]
-struct Scratch {
+pub(super) struct Scratch {
     strip: strip::Scratch,
     slab: slab::Scratch,
 }
@@ -35,7 +35,13 @@ struct Scratch {
 impl Wave<'_> {
     /// Filters the strips and finds what lies above the threshold: for each strip a slab for each
     /// part. `keep` takes the filtered slices of all parts, of which only these rows are written.
-    pub fn run(&self, counts: &mut Counts, keep: Option<&mut [f32]>) -> Vec<Vec<Slab>> {
+    /// There is a scratch for each strip, or more.
+    pub fn run(
+        &self,
+        counts: &mut Counts,
+        keep: Option<&mut [f32]>,
+        scratch: &mut [Scratch],
+    ) -> Vec<Vec<Slab>> {
         if self.parts.is_empty() {
             return Vec::new();
         }
@@ -49,8 +55,8 @@ impl Wave<'_> {
             }
         }
         let counts = counts.strips(self.rows.clone(), STRIP_ROWS);
-        let work = counts.into_par_iter().zip(kept).enumerate().with_max_len(1);
-        work.map_init(Scratch::default, |scratch, (number, (mut counts, mut kept))| {
+        let work = counts.into_par_iter().zip(kept).zip(scratch).enumerate().with_max_len(1);
+        work.map(|(number, ((mut counts, mut kept), scratch))| {
             let first = self.rows.start + number * STRIP_ROWS;
             let rows = first..(first + STRIP_ROWS).min(self.rows.end);
             let slab = |part: &Part| {
@@ -69,7 +75,7 @@ impl Wave<'_> {
                     picture: [self.window.rows, self.window.columns],
                     connectivity: self.connectivity,
                 };
-                Slab::new(&found, &place, &mut counts, &mut scratch.slab)
+                Slab::new(found, &place, &mut counts, &mut scratch.slab)
             };
             self.parts.iter().map(slab).collect()
         })

@@ -42,10 +42,6 @@ impl Block {
         let (groups, across) = (columns.div_ceil(GROUP), columns.div_ceil(TILE_EDGE));
         let lines = timesteps.len() * rows.len();
         let (room, tiles) = (lines * columns, timesteps.len() * across);
-        if self.data.is_empty() {
-            // Zeroed memory that the system hands out takes no room until it is written.
-            self.data = vec![0.0; room];
-        }
         // What is left from before is written over: clearing it first would touch it twice.
         if self.data.len() < room {
             self.data.resize(room, 0.0);
@@ -137,12 +133,20 @@ struct Slice {
     lit: Vec<bool>,
 }
 
+/// So many zeros, written: memory that the system has only promised may be missing when, hours
+/// later, light reaches the last corner of the picture.
+fn dark(pixels: usize) -> Vec<f32> {
+    let mut data = std::hint::black_box(Vec::with_capacity(pixels));
+    data.resize(pixels, 0.0);
+    data
+}
+
 impl Window {
     /// A window that keeps `depth` timesteps before those that are read.
     pub fn new(rows: usize, columns: usize, depth: usize) -> Self {
         let (groups, across) = (columns.div_ceil(GROUP), columns.div_ceil(TILE_EDGE));
         let slice = || Slice {
-            data: vec![0.0; rows * columns],
+            data: dark(rows * columns),
             occupied: vec![false; rows * groups],
             lit: vec![false; rows.div_ceil(TILE_EDGE) * across],
         };

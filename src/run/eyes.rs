@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 
 use super::error::Error;
 use crate::base::{Progress, Timeline};
-use crate::glare::{Kernel, SpotGlare, spot};
+use crate::glare::{Kernel, Lengths, SpotGlare, spot};
 use crate::render::eye::hazard::{HazardZone, zone};
 use crate::render::eye::{Eye, EyeInstant, EyeMaterial, EyePv, Seen, SunAt};
 use crate::sky;
@@ -21,6 +21,8 @@ pub const LUMINANCES_CD_M2: [f64; 2] = [30_000.0, 50_000.0];
 pub struct EyeYears {
     /// Lumens that a watt of the project's sunlight stands for.
     pub efficacy_lm_per_w: f64,
+    /// Which clock hours mean: the site's time zone.
+    pub clock: String,
     /// In the order of the project file.
     pub observers: Vec<EyeYear>,
 }
@@ -176,11 +178,12 @@ pub fn instants(
 }
 
 impl EyeYear {
-    /// Sums an eye's instants up.
+    /// Sums an eye's instants up. The axis has the hours that clocks show, `lengths` are those of
+    /// standard time.
     pub fn of(
         looker: &Looker,
         seen: &[Seen],
-        axis: &TimeAxis,
+        (axis, lengths): (&TimeAxis, &Lengths),
         instants: &[EyeInstant],
         thresholds: &Thresholds<'_>,
     ) -> Self {
@@ -197,7 +200,8 @@ impl EyeYear {
         };
         let mut times = Vec::new();
         let mut count = |measure, exceeds: &dyn Fn(&EyeInstant) -> bool| {
-            times.push(time(measure, axis, |t| looker.counts[t] && exceeds(&instants[t])));
+            let exceeded = |t: usize| looker.counts[t] && exceeds(&instants[t]);
+            times.push(time(measure, axis, lengths, exceeded));
         };
         for &t in thresholds.irradiances_w_m2 {
             count(Measure::Irradiance(t), &|i| thresholds.of(i) > t);
@@ -213,11 +217,18 @@ impl EyeYear {
             count(measure, &|i| zone_of(i) == zone);
         }
         let nearest_m = seen.iter().fold(f64::INFINITY, |least, s| s.nearest_m.min(least));
-        let values: Vec<f64> = instants.iter().map(|i| thresholds.of(i)).collect();
-        let filtered = smoothed(&axis.segment, &values, thresholds.filter);
+        // The filter counts timesteps: it sees the finest regular grid.
+        let (shows, wide) = match lengths.spread(axis) {
+            Some((shows, wide)) => (shows, Some(wide)),
+            None => ((0..instants.len()).collect(), None),
+        };
+        let even = wide.as_ref().unwrap_or(axis);
+        let own = Lengths::even(even);
+        let values: Vec<f64> = shows.iter().map(|t| thresholds.of(&instants[*t])).collect();
+        let filtered = smoothed(&even.segment, &values, thresholds.filter);
         for &threshold in thresholds.irradiances_w_m2 {
-            let exceeded = |t: usize| looker.counts[t] && filtered[t] > threshold;
-            times.push(time(Measure::Filtered(threshold), axis, exceeded));
+            let exceeded = |i: usize| looker.counts[shows[i]] && filtered[i] > threshold;
+            times.push(time(Measure::Filtered(threshold), even, &own, exceeded));
         }
         let exposure = instants.iter().zip(&axis.weight_h).map(|(i, w)| i.surface_w_m2 * w);
         Self {
@@ -280,11 +291,16 @@ fn smoothed(segments: &[u32], values: &[f64], filter: &Kernel) -> Vec<f64> {
     out
 }
 
-fn time(measure: Measure, axis: &TimeAxis, exceeded: impl Fn(usize) -> bool) -> EyeTime {
+fn time(
+    measure: Measure,
+    axis: &TimeAxis,
+    lengths: &Lengths,
+    exceeded: impl Fn(usize) -> bool,
+) -> EyeTime {
     let mut days: Vec<(u32, f64, f64, f64)> = Vec::new();
     for t in (0..axis.day.len()).filter(|t| exceeded(*t)) {
         let (day, hour) = (axis.day[t], axis.hour[t]);
-        let minutes = axis.step_h * 60.0;
+        let minutes = lengths.hours(t..=t) * 60.0;
         match days.last_mut() {
             Some(last) if last.0 == day => {
                 last.1 += minutes;
@@ -293,7 +309,7 @@ fn time(measure: Measure, axis: &TimeAxis, exceeded: impl Fn(usize) -> bool) -> 
             _ => days.push((day, minutes, hour, hour)),
         }
     }
-    EyeTime { measure, glare: spot(axis, exceeded), days }
+    EyeTime { measure, glare: spot(axis, lengths, exceeded), days }
 }
 
 /// Azimuth clockwise from north and altitude of a direction, degrees.

@@ -232,6 +232,9 @@ pub struct TimeTable {
     pub irradiance: toml::Value,
     /// Equation (1): half a year stands for the year.
     pub half_year: bool,
+    /// Stretches of `hours` with finer steps.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub finer: Vec<HoursTable>,
 }
 
 impl Default for TimeTable {
@@ -243,6 +246,7 @@ impl Default for TimeTable {
             sun: "spa".into(),
             irradiance: toml::Value::String("clear-sky".into()),
             half_year: false,
+            finer: Vec::new(),
         }
     }
 }

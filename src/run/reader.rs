@@ -14,7 +14,7 @@ use glam::DVec3;
 
 use super::error::Error;
 use super::manifest::hash_path;
-use super::project::{self, DayEntry, FileEntry, HorizonEntry, OriginEntry, Project};
+use super::project::{self, DayEntry, FileEntry, HorizonEntry, HoursTable, OriginEntry, Project};
 use super::resolve::{MOMENTS, RECEIVERS};
 use crate::base::limits;
 use crate::site::{Files, Origin, PvArray, PvSpec, SceneFile, SceneSpec, Season};
@@ -162,6 +162,7 @@ impl Reader<'_> {
                 )));
             }
         };
+        let range = |h: &HoursTable| HourRange { from: h.from, to: h.to, step: h.step };
         Ok(TimeSpec {
             year: t.year,
             days: DayRange {
@@ -169,7 +170,8 @@ impl Reader<'_> {
                 to: self.day(&t.days.to, "time.days.to")?,
                 step: t.days.step,
             },
-            hours: HourRange { from: t.hours.from, to: t.hours.to, step: t.hours.step },
+            hours: range(&t.hours),
+            finer: t.finer.iter().map(range).collect(),
             sun,
             irradiance: self.irradiance()?,
             half_year: t.half_year,

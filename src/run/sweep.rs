@@ -11,7 +11,7 @@ use super::eyes::{LUMINANCES_CD_M2, sights};
 use super::points::Spreader;
 use super::resolve::Resolved;
 use crate::base::Progress;
-use crate::glare::{SpotGlare, spot};
+use crate::glare::{Lengths, SpotGlare, spot};
 use crate::render::Quantity;
 use crate::render::eye::{Eye, EyeMaterial, EyePv, SweepLimits, Sweeper};
 use crate::site::Site;
@@ -117,6 +117,7 @@ pub fn sweep(
     let spec = TimeSpec {
         days: DayRange { from: 0, to: sky::days_in_year(resolved.times.year) - 1, step: 1 },
         hours: HourRange { from: 0.0, to: 24.0 - step_h, step: step_h },
+        finer: Vec::new(),
         half_year: false,
         ..resolved.times.clone()
     };
@@ -222,7 +223,7 @@ fn eyes(
 }
 
 fn exceeded(axis: &TimeAxis, lit: impl Fn(usize) -> bool) -> Exceeded {
-    let glare = spot(axis, &lit);
+    let glare = spot(axis, &Lengths::even(axis), &lit);
     let date = |day| {
         let (month, day) = sky::date_of_day(axis.year, day);
         format!("{month:02}-{day:02}")

@@ -69,6 +69,23 @@ pub enum Error {
     /// A step that can't be used.
     #[error("hours: expected a step of 1 second (0.000277) to 24 hours, found {0}")]
     HourStep(f64),
+    /// A stretch of finer steps that can't be.
+    #[error(
+        "finer: expected stretches of `hours` ({} to {}, step {}) with smaller steps, in order and apart, the next one from {least} on; found {from} to {to}, step {step}",
+        hours.from, hours.to, hours.step
+    )]
+    Finer {
+        /// First hour given.
+        from: f64,
+        /// Last hour given.
+        to: f64,
+        /// Step given, h.
+        step: f64,
+        /// Where the stretch before ends.
+        least: f64,
+        /// What it should be a stretch of.
+        hours: super::HourRange,
+    },
     /// Equation (1) beyond half a year.
     #[error(
         "half_year: Equation (1) doubles half a year, so it takes days 0 to 182 only, found {from} to {to}; leave half_year out to compute the days as they are"

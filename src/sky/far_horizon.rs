@@ -157,6 +157,7 @@ mod tests {
             hours: HourRange { from: 0.0, to: 23.0, step: 1.0 },
             sun: SunModel::Gensky,
             irradiance: Irradiance::Gensky,
+            finer: Vec::new(),
             half_year: false,
         };
         let whole = timeline(&place, &spec).expect("suns");

@@ -2,6 +2,18 @@ use std::str::FromStr;
 
 use super::{DayRange, Error, HourRange};
 
+/// Hours that are so near are the same, h.
+const SLACK_H: f64 = 1e-6;
+
+/// An instant of each day.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Instant {
+    /// Hour of the day, local standard time.
+    pub hour: f64,
+    /// For how much of the day it stands, h.
+    pub length_h: f64,
+}
+
 /// Where the site lies on Earth.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
 pub struct Place {
@@ -89,6 +101,10 @@ pub struct TimeSpec {
     pub days: DayRange,
     /// Hours of the day, local standard time.
     pub hours: HourRange,
+    /// Stretches of the day with finer steps, in order: their instants take the place of those of
+    /// `hours` between their ends.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub finer: Vec<HourRange>,
     /// Where the sun stands.
     pub sun: SunModel,
     /// How strong it is.
@@ -145,7 +161,36 @@ impl TimeSpec {
     /// How many instants are looked at, day and night; the ranges were checked.
     pub(super) fn candidates(&self) -> u64 {
         let days = (self.days.to - self.days.from) / self.days.step + 1;
-        u64::from(days) * u64::from(self.hours.count())
+        let finer = self.finer.iter().map(|range| u64::from(range.count()));
+        u64::from(days) * (u64::from(self.hours.count()) + finer.sum::<u64>())
+    }
+
+    /// The instants of a day, in order.
+    pub(super) fn instants(&self) -> Vec<Instant> {
+        let of = |range: &HourRange| {
+            let range = *range;
+            (0..range.count()).map(move |i| (range.hour(i), range.step))
+        };
+        let replaced = |hour: f64| {
+            let within = |f: &HourRange| hour > f.from - SLACK_H && hour < f.to + SLACK_H;
+            self.finer.iter().any(within)
+        };
+        let mut hours: Vec<(f64, f64)> = of(&self.hours).filter(|h| !replaced(h.0)).collect();
+        hours.extend(self.finer.iter().flat_map(of));
+        hours.sort_by(|a, b| a.0.total_cmp(&b.0));
+        // Stretches that meet share an instant.
+        hours.dedup_by(|next, last| next.0 - last.0 <= SLACK_H);
+        let length = |i: usize| {
+            let (hour, step) = hours[i];
+            if self.finer.is_empty() {
+                return step;
+            }
+            // Half the way to either neighbour; outwards, half a step.
+            let before = i.checked_sub(1).map_or(step, |before| hour - hours[before].0);
+            let after = hours.get(i + 1).map_or(step, |after| after.0 - hour);
+            (before + after) / 2.0
+        };
+        (0..hours.len()).map(|i| Instant { hour: hours[i].0, length_h: length(i) }).collect()
     }
 
     /// Checks everything that doesn't need the sun.
@@ -155,10 +200,79 @@ impl TimeSpec {
         }
         self.days.check(self.year)?;
         self.hours.check()?;
+        let mut end = self.hours.from;
+        for range in &self.finer {
+            range.check()?;
+            let inside = range.from >= end - SLACK_H && range.to <= self.hours.to + SLACK_H;
+            if !inside || range.step >= self.hours.step {
+                let HourRange { from, to, step } = *range;
+                return Err(Error::Finer { from, to, step, least: end, hours: self.hours });
+            }
+            end = range.to;
+        }
         self.irradiance.check()?;
         if self.half_year && self.days.to > 182 {
             return Err(Error::HalfYear { from: self.days.from, to: self.days.to });
         }
         Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn spec(finer: &[[f64; 3]]) -> TimeSpec {
+        let range = |[from, to, step]: &[f64; 3]| HourRange { from: *from, to: *to, step: *step };
+        TimeSpec {
+            year: 2025,
+            days: DayRange { from: 0, to: 364, step: 7 },
+            hours: range(&[4.0, 20.0, 0.25]),
+            sun: SunModel::Spa,
+            irradiance: Irradiance::ClearSky,
+            half_year: false,
+            finer: finer.iter().map(range).collect(),
+        }
+    }
+
+    #[test]
+    fn finer_stretches_leave_nothing_of_the_day_out() {
+        for finer in [
+            &[[6.0, 8.0, 0.05]][..],
+            &[[4.0, 5.0, 0.125]],
+            &[[6.0, 8.0, 0.05], [8.0, 9.0, 0.1], [18.1, 20.0, 1.0 / 60.0]],
+        ] {
+            let spec = spec(finer);
+            spec.check().unwrap();
+            let instants = spec.instants();
+            assert!(instants.windows(2).all(|pair| pair[0].hour + 0.01 < pair[1].hour));
+            let ends = |i: &Instant| spec.finer.iter().any(|f| (f.from - i.hour).abs() < 1e-9);
+            assert_eq!(instants.iter().filter(|i| ends(i)).count(), finer.len());
+            // Half a step beyond either end.
+            let end = |hour: f64| {
+                let here =
+                    spec.finer.iter().find(|f| (f.from - SLACK_H..f.to + SLACK_H).contains(&hour));
+                here.map_or(0.25, |f| f.step) / 2.0
+            };
+            let expected = 16.0 + end(4.0) + end(20.0);
+            let sum: f64 = instants.iter().map(|i| i.length_h).sum();
+            assert!((sum - expected).abs() < 1e-9, "{sum} h, not {expected}");
+        }
+        let even = spec(&[]).instants();
+        assert!(even.len() == 65 && even.iter().all(|i| i.length_h == 0.25));
+    }
+
+    #[test]
+    fn stretches_that_are_none_are_refused() {
+        for finer in [
+            &[[3.0, 5.0, 0.05]][..],
+            &[[19.0, 21.0, 0.05]],
+            &[[6.0, 8.0, 0.25]],
+            &[[6.0, 8.0, 0.05], [7.0, 9.0, 0.05]],
+            &[[8.0, 9.0, 0.05], [6.0, 7.0, 0.05]],
+        ] {
+            assert!(matches!(spec(finer).check(), Err(Error::Finer { .. })), "{finer:?}");
+        }
+        assert!(matches!(spec(&[[8.0, 7.0, 0.05]]).check(), Err(Error::HoursOutside { .. })));
     }
 }

@@ -1,3 +1,4 @@
+use super::spec::Instant;
 use super::{Error, Irradiance, Place, TimeSpec, altitude_azimuth_deg, clear_sky, gensky};
 use super::{Weather, date_of_day, days_in_year, sun_direction};
 use crate::base::{SpectralBasis, Timeline, Timestep, limits};
@@ -9,6 +10,10 @@ use crate::base::{SpectralBasis, Timeline, Timestep, limits};
 /// `step_h step_d`, a day's step clipped at the end of the year, so that a full year sums to 365
 /// (366) days. Segments: maximal runs of timesteps, each `step_h` after the one before.
 ///
+/// With stretches of finer steps each instant stands for the time to half the way to its
+/// neighbours, nothing of the day is counted twice or left out, a segment is a run of instants that
+/// follow each other, and the timeline's step is the shortest.
+///
 /// # Errors
 /// See [`Error`]: a place, range, year or strength that can't be, too many instants, or none with
 /// a sun.
@@ -16,11 +21,16 @@ pub fn timeline(place: &Place, spec: &TimeSpec) -> Result<Timeline, Error> {
     place.check()?;
     spec.check()?;
     let candidates = spec.candidates();
-    let per_day = spec.hours.count();
-    let step_h = spec.hours.step;
-    // The first instant of the next day follows the last of this one where a step lies between.
-    let gap_h = 24.0 + spec.hours.from - spec.hours.hour(per_day - 1);
-    let over_midnight = spec.days.step == 1 && (gap_h - step_h).abs() <= 0.01 * step_h;
+    let instants = spec.instants();
+    let even_h = spec.hours.step;
+    let gaps_h = instants.windows(2).map(|pair| pair[1].hour - pair[0].hour);
+    let step_h = if spec.finer.is_empty() { even_h } else { gaps_h.fold(even_h, f64::min) };
+    // The first instant of the next day follows the last of this one where a step lies between; a
+    // finer step may.
+    let (first, last) = (instants.first(), instants.last());
+    let gap_h = first.zip(last).map_or(24.0, |(first, last)| 24.0 + first.hour - last.hour);
+    let short = !spec.finer.is_empty() && gap_h <= even_h;
+    let over_midnight = spec.days.step == 1 && (short || (gap_h - even_h).abs() <= 0.01 * even_h);
 
     let mut steps: Vec<Timestep> = Vec::new();
     let mut segment = 0_u32;
@@ -32,14 +42,13 @@ pub fn timeline(place: &Place, spec: &TimeSpec) -> Result<Timeline, Error> {
         _ => None,
     };
     for (nth, (day, stands_for)) in spec.days.days(spec.year).enumerate() {
-        let weight_h = if spec.half_year {
-            2.0 * step_h * f64::from(spec.days.step)
-        } else {
-            step_h * f64::from(stands_for)
-        };
         let turbidity = turbidity(spec, day);
-        for i in 0..per_day {
-            let hour = spec.hours.hour(i);
+        for (i, &Instant { hour, length_h }) in instants.iter().enumerate() {
+            let weight_h = if spec.half_year {
+                2.0 * length_h * f64::from(spec.days.step)
+            } else {
+                length_h * f64::from(stands_for)
+            };
             let sun = sun_direction(place, spec.sun, spec.year, day, hour);
             // Whoever computes with NaN would silently lose the instant.
             if !sun.is_finite() {

@@ -172,6 +172,7 @@ fn the_project_asks_for_table_3() {
             to: real("hours", "to"),
             step: real("hours", "step"),
         },
+        finer: Vec::new(),
         sun,
         irradiance: sun.default_irradiance(),
         half_year: time["half_year"].as_bool().unwrap(),

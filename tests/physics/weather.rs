@@ -24,7 +24,15 @@ const HERE: Place =
 fn days(year: i32, from: u32, to: u32, hours: HourRange, weather: Weather) -> TimeSpec {
     let days = DayRange { from, to, step: 1 };
     let irradiance = Irradiance::Epw(weather);
-    TimeSpec { year, days, hours, sun: SunModel::Spa, irradiance, half_year: false }
+    TimeSpec {
+        year,
+        days,
+        hours,
+        finer: Vec::new(),
+        sun: SunModel::Spa,
+        irradiance,
+        half_year: false,
+    }
 }
 
 #[test]
@@ -129,6 +137,7 @@ fn an_hours_mean_is_kept_whatever_the_step() {
         year: 2024,
         days: DayRange { from: 100, to: 100, step: 1 },
         hours: HourRange { from: 1.0 / 120.0, to: 23.99, step: 1.0 / 60.0 },
+        finer: Vec::new(),
         sun: SunModel::Spa,
         irradiance: Irradiance::Epw(weather),
         half_year: false,

@@ -79,7 +79,7 @@ fn a_fused_direct_view_gives_what_the_series_gives() {
             }
         }
         let text = String::from_utf8(of(&fused, "glare-10/cumulative.npy")).err();
-        assert!(text.is_some_and(|e| e.as_bytes().iter().any(|b| *b == 1)), "something is lit");
+        assert!(text.is_some_and(|e| e.as_bytes().contains(&1)), "something is lit");
         let again = ["--set", "glare.thresholds_w_m2=[10.0, 20.0]", "--set", "view.plan.fuse=true"];
         run(&fused, &[&direct[..], &again].concat());
         assert!(fused.join("run/standard/plan/glare-20/cumulative.npy").exists());

@@ -115,37 +115,15 @@ def dense(options, folder):
             import cc3d
             peers["cc3d"] = lambda: cc3d.connected_components(volume > np.float32(10), connectivity=6)
         except ImportError:
-            print("cc3d isn't installed")
+            print("cc3d isn't installed (pip install connected-components-3d)")
         compare(volume, f"threshold, events, durations, {name}, {share:.1%} above", peers,
                 "--threshold", "10", "--sigma", 0, 0, 0)
 
 
-def write_zarr(path, shape, share, seed):
+def write_tiles(path, shape, tiles, lit):
     """A volume in the layout of glintmap (shards of a tile with all timesteps, chunks 16 x 32 x 32,
-    zstd), of which about `share` of the chunks hold blobs, most of them in the same few tiles."""
-    import zarr
-    timesteps, rows, columns = shape
-    chunks = -(-timesteps // 16)
-    group = zarr.create_group(store=str(path), zarr_format=3)
-    array = group.create_array(
-        "irradiance", shape=shape, dtype="float32", chunks=(16, 32, 32), shards=(chunks * 16, 32, 32),
-        fill_value=0.0, dimension_names=("timestep", "row", "column"),
-        compressors=zarr.codecs.ZstdCodec(level=1))
-    random = np.random.default_rng(seed)
-    pattern = blobs((16, 32, 32), 0.3, seed)
-    down, across = rows // 32, columns // 32
-    lit_tiles = max(1, int(down * across * min(1, share * 5)))
-    for tile in random.choice(down * across, lit_tiles, replace=False):
-        y, x = tile // across * 32, tile % across * 32
-        tile = np.zeros((timesteps, 32, 32), np.float32)
-        for chunk in np.flatnonzero(random.random(timesteps // 16) < share / (lit_tiles / (down * across))):
-            tile[chunk * 16:chunk * 16 + 16] = np.roll(pattern, random.integers(32, size=2), (1, 2))
-        array[:, y:y + 32, x:x + 32] = tile
-
-
-def write_full(path, shape):
-    """A volume in the layout of glintmap, all of it noise of whole numbers: a few tiles are written
-    with zarr, the files of the others are copies of theirs."""
+    zstd). `tiles` are written with zarr, into the first places; the files of all others of which
+    `lit` says so are copies of theirs, in turn."""
     import zarr
     timesteps, rows, columns = shape
     group = zarr.create_group(store=str(path), zarr_format=3)
@@ -153,15 +131,43 @@ def write_full(path, shape):
         "irradiance", shape=shape, dtype="float32", chunks=(16, 32, 32), shards=(-(-timesteps // 16) * 16, 32, 32),
         fill_value=0.0, dimension_names=("timestep", "row", "column"),
         compressors=zarr.codecs.ZstdCodec(level=1))
+    shards, kept = path / "irradiance" / "c" / "0", []
+    for number, tile in enumerate(tiles):
+        array[:, :32, number * 32:number * 32 + 32] = tile
+        kept.append(path / f"tile-{number}")
+        (shards / "0" / str(number)).rename(kept[-1])
+    across = -(-columns // 32)
+    for number in range(-(-rows // 32) * across):
+        if lit(number):
+            (shards / str(number // across)).mkdir(exist_ok=True)
+            shutil.copyfile(kept[number % len(kept)], shards / str(number // across) / str(number % across))
+    for file in kept:
+        file.unlink()
+
+
+def write_blobs(path, shape, share, seed):
+    """A volume of which about `share` of the chunks hold blobs, all of them in the same few tiles."""
+    timesteps, rows, columns = shape
+    random = np.random.default_rng(seed)
+    pattern = blobs((16, 32, 32), 0.3, seed)
+    count = -(-rows // 32) * -(-columns // 32)
+    lit_tiles = max(1, int(count * min(1, share * 5)))
+
+    def tile():
+        out = np.zeros((timesteps, 32, 32), np.float32)
+        for chunk in np.flatnonzero(random.random(-(-timesteps // 16)) < share * count / lit_tiles):
+            there = out[chunk * 16:chunk * 16 + 16]
+            there[:] = np.roll(pattern, random.integers(32, size=2), (1, 2))[:len(there)]
+        return out
+
+    write_tiles(path, shape, (tile() for _ in range(7)), set(random.choice(count, lit_tiles, replace=False)).__contains__)
+
+
+def write_full(path, shape):
+    """A volume all of which is noise of whole numbers."""
     random = np.random.default_rng(6)
-    for column in range(8):
-        array[:, :32, column * 32:column * 32 + 32] = random.integers(21, size=(timesteps, 32, 32)).astype("f4")
-    shards = path / "irradiance" / "c" / "0"
-    for row in range(-(-rows // 32)):
-        (shards / str(row)).mkdir(exist_ok=True)
-        for column in range(-(-columns // 32)):
-            if row or column >= 8:
-                shutil.copyfile(shards / "0" / str((row * 3 + column) % 8), shards / str(row) / str(column))
+    tiles = (random.integers(21, size=(shape[0], 32, 32)).astype("f4") for _ in range(8))
+    write_tiles(path, shape, tiles, lambda _: True)
 
 
 def full(options, folder):
@@ -174,7 +180,7 @@ def full(options, folder):
 
 def sparse(options, folder):
     path = folder / "sparse.zarr"
-    write_zarr(path, tuple(options.size), 0.01, 3)
+    write_blobs(path, tuple(options.size), 0.01, 3)
     cpu, wall, peak, _ = run(options.glintmap, path, folder / "out", ["--threshold", "10"], threads=2)
     print(f"{tuple(options.size)}, 1 % of the chunks lit: {wall:.1f} s ({cpu:.1f} s of CPU), {peak:.0f} MiB")
 
@@ -209,7 +215,7 @@ def memory(options, folder):
         if "noise" in what:
             write_full(path, (timesteps, 2000, 2000))
         else:
-            write_zarr(path, (timesteps, 2000, 2000), 1.0 if timesteps <= 200 else 0.01, 4)
+            write_blobs(path, (timesteps, 2000, 2000), 1.0 if timesteps <= 200 else 0.01, 4)
         cpu, wall, peak, _ = run(options.glintmap, path, folder / "out", ["--threshold", "10.8"], threads=2)
         print(f"{timesteps} timesteps of 4 million pixels, {what}: {peak:.0f} MiB anonymous, {wall:.1f} s ({cpu:.1f} s of CPU)",
               flush=True)

@@ -204,6 +204,7 @@ fn a_sweep_misses_nothing() {
         year: 2025,
         days: DayRange { from: 80, to: 195, step: 23 },
         hours: HourRange { from: 0.0, to: 23.99, step: 1.0 / 30.0 },
+        finer: Vec::new(),
         sun: SunModel::Gensky,
         irradiance: Irradiance::ClearSky,
         half_year: false,

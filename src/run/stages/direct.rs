@@ -7,6 +7,8 @@ use glintmap_formats::npy;
 use serde_json::json;
 
 use super::fused;
+use super::passing::InAir;
+use super::receivers::read_points;
 use super::render::{About, attributes, names, peak, read_hits, write_peak, writer};
 use crate::base::{Grid, SinkError, TileRect, TileSink, limits, tiles};
 use crate::picture::{exr, hdr};
@@ -32,7 +34,13 @@ pub(super) fn maps(
         return Ok(());
     }
     let began = Instant::now();
-    let hits = read_hits(job, view)?;
+    let mut hits = read_hits(job, view)?;
+    if view.points.is_some() {
+        // What is integrated needs no surface to land on.
+        if let Some(air) = InAir::of(&read_points(&job.folder, view)?, view) {
+            hits = air.lifted(hits);
+        }
+    }
     let waiting = job.folder.waiting_tiles(&candidate.name, &view.name);
     let folder = job.folder.prepare(&waiting.join("tile"))?;
     let folder = folder.parent().unwrap_or(Path::new("")).to_owned();

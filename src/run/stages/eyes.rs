@@ -11,8 +11,8 @@ use super::judged::class;
 use super::receivers::sheet::quoted;
 use super::receivers::{OUTDOOR_H, occurrence};
 use crate::base::{Provenance, SpectralBasis};
-use crate::glare::Kernel;
 use crate::glare::rules::Class;
+use crate::glare::{Kernel, Lengths};
 use crate::picture::scatter::{Dots, LogAxis, Scatter, Zone};
 use crate::render::Quantity;
 use crate::render::eye::hazard::{HazardZone, after_image_w_cm2, burn_w_cm2};
@@ -59,7 +59,10 @@ pub(in crate::run) fn eyes(job: &mut Job<'_>) -> Result<(), Error> {
     };
     let pv = EyePv::new(site);
     let lookers = lookers(job, &axis, &clock)?;
-    let mut sheets: Vec<Sheets> = resolved.candidates.iter().map(|_| Sheets::new(&axis)).collect();
+    let lengths = Lengths::of(&axis)?;
+    let civil = TimeAxis { hour: clock.hours(&axis), ..axis.clone() };
+    let mut sheets: Vec<Sheets> =
+        resolved.candidates.iter().map(|_| Sheets::new(&axis, &clock)).collect();
     let mut outputs = Vec::new();
     job.progress.begin("eyes", lookers.len() as u64, "observers");
     for (number, looker) in lookers.iter().enumerate() {
@@ -68,7 +71,7 @@ pub(in crate::run) fn eyes(job: &mut Job<'_>) -> Result<(), Error> {
         for ((candidate, instants), sheets) in
             resolved.candidates.iter().zip(&years).zip(&mut sheets)
         {
-            let year = EyeYear::of(looker, &seen, &axis, instants, &thresholds);
+            let year = EyeYear::of(looker, &seen, (&civil, &lengths), instants, &thresholds);
             sheets.add(job, &clock, &axis, &year, instants)?;
             let stem = occurrence(number, &looker.name);
             let file = format!("{stem}-hazard.png");
@@ -128,10 +131,10 @@ const MONTHS: [&str; 12] =
     ["jan", "feb", "mar", "apr", "may", "jun", "jul", "aug", "sep", "oct", "nov", "dec"];
 
 impl Sheets {
-    fn new(axis: &TimeAxis) -> Self {
+    fn new(axis: &TimeAxis, clock: &Clock) -> Self {
         let efficacy_lm_per_w = axis.basis.lm_per_w();
         Self {
-            years: EyeYears { efficacy_lm_per_w, observers: Vec::new() },
+            years: EyeYears { efficacy_lm_per_w, clock: clock.zone(), observers: Vec::new() },
             steps: "observer,timestep,day,hour,at,sun_altitude_deg,sun_azimuth_deg,\
                     irradiance_w_m2,irradiance_normal_w_m2,illuminance_lx,peak_cd_m2,mean_cd_m2,\
                     lit_sr,peak_azimuth_deg,peak_altitude_deg,off_axis_deg,apart_from_sun_deg,\

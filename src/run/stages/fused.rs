@@ -8,13 +8,15 @@ use serde_json::json;
 use super::band::{Band, Counter, each_slice};
 use super::glare::{Made as Kept, keep, provenance};
 use crate::base::{Grid, Progress, SeriesEntry, SinkError, TileRect, TileSink, limits};
-use crate::glare::{self, Analysis, Calendar, Plan, Session, TileBatch, YearRows, YearTiles};
+use crate::glare::{
+    self, Analysis, Calendar, Plan, Regular, Session, Slices, TileBatch, YearRows, YearTiles,
+};
 use crate::render::{Fused, FusedDirect, HitMap};
 use crate::run::Error;
 use crate::run::clock::Clock;
 use crate::run::job::Job;
 use crate::run::resolve::{Candidate, PlannedView};
-use crate::volume::TimeAxis;
+use crate::volume::{TimeAxis, segments_from_numbers};
 
 /// Bytes of a batch for each number in it: in the batch, and while its tiles are put in order.
 const ENTRY_BYTES: u64 = 16;
@@ -134,18 +136,21 @@ pub(super) fn analyse<'a, B: Batches>(
         spill: spill.to_owned(),
         ..job.resolved.glare.clone()
     };
+    let segments = timeline.segments();
+    // Steps that differ in length come onto the finest regular grid.
+    let dark = TileBatch::new(shape, 0..0);
+    let grid = Regular::of(&dark, axis, &segments)?;
+    let even = grid.as_ref().map(|grid| grid.axis(axis));
+    let analysed = grid.as_ref().map_or(shape, Slices::shape);
     let mut sessions = Vec::new();
     for &threshold in thresholds {
         let settings = glare::Settings { threshold, ..settings.clone() };
-        let calendar = Calendar {
-            day: timeline.steps.iter().map(|s| s.day).collect(),
-            weight_h: timeline.steps.iter().map(|s| s.weight_h).collect(),
-        };
-        let plan = Plan::new(shape, 1, true, false, &settings)?;
-        let session = Session::begin(shape, Some(calendar), &settings, &plan)?;
+        let TimeAxis { day, weight_h, .. } = even.as_ref().unwrap_or(axis).clone();
+        let plan = Plan::new(analysed, 1, true, false, &settings)?;
+        let calendar = Calendar { day, weight_h };
+        let session = Session::begin(analysed, Some(calendar), &settings, &plan)?;
         sessions.push((session, Counter::new(threshold, photon_w_m2)));
     }
-    let segments = timeline.segments();
     let batches = batches(&segments, rendered.entries(), memory / ENTRY_BYTES);
     let mut peak = Grid::filled(hits.columns, hits.rows, 0.0f32);
     for batch in &batches {
@@ -161,8 +166,13 @@ pub(super) fn analyse<'a, B: Batches>(
                 counter.push(slice, timeline.steps[timestep].weight_h);
             }
         })?;
+        let grid = Regular::of(&tiles, axis, &segments)?;
+        let (source, pieces): (&dyn Slices, _) = match &grid {
+            Some(grid) => (grid, grid.segments()),
+            None => (&tiles, &segments[..]),
+        };
         for (session, _) in &mut sessions {
-            session.push(&tiles, &segments[batch.clone()], None, progress)?;
+            session.push(source, &pieces[batch.clone()], None, progress)?;
         }
         progress.finish();
     }
@@ -208,10 +218,15 @@ pub(super) fn record(
     began: Instant,
 ) -> Result<(), Error> {
     let render_key = job.resolved.render_key(candidate, view)?;
+    let dark = TileBatch::new([axis.day.len(), 1, 1], 0..0);
+    let grid = Regular::of(&dark, axis, &segments_from_numbers(&axis.segment))?;
+    let even = grid.as_ref().map(|grid| grid.axis(axis));
+    let counted = even.as_ref().unwrap_or(axis);
     for Analysed { threshold, analysis, band, year } in analyses {
         let key = job.resolved.glare_key(&render_key, threshold)?;
         let unit = format!("glare {} {} {threshold}", candidate.name, view.name);
-        let made = Kept { analysis: &analysis, axis: Some(axis), grid: None, band: &band };
+        let made =
+            Kept { analysis: &analysis, axis: Some(counted), grid: grid.as_ref(), band: &band };
         let mut outputs = keep(job, candidate, view, (threshold, &key), &made)?;
         if let Some(year) = year {
             let folder = job.folder.glare(&candidate.name, &view.name, threshold, "");

@@ -12,7 +12,7 @@ use crate::glare::rules::{
 };
 use crate::run::Error;
 use crate::run::clock::Clock;
-use crate::run::eyes::{EyeYear, EyeYears, Measure};
+use crate::run::eyes::{EyeTime, EyeYear, EyeYears, Measure};
 use crate::run::job::Job;
 use crate::run::points::Kind;
 use crate::run::received::{AtThreshold, Banded, GroupReceived};
@@ -120,7 +120,7 @@ fn metrics(job: &Job<'_>, group: &GroupReceived, eye: Option<&EyeYear>, pv_m2: f
     }
     let half_year = job.resolved.project.time.half_year;
     if let (Some(eye), true) = (eye, group.not_evaluated.is_some()) {
-        // Photons don't land in free air; the eye's irradiance is integrated there.
+        // Photons don't land on what sends them; the eye's irradiance is integrated there.
         let peak = match job.resolved.quantity {
             crate::render::Quantity::Surface => eye.irradiance_w_m2,
             crate::render::Quantity::Normal => eye.normal_w_m2,
@@ -375,6 +375,70 @@ fn why(job: &Job<'_>, profile: &Profile, verdict: &Verdict) -> String {
         }
     }
     if reasons.is_empty() { String::new() } else { format!(": {}", reasons.join("; ")) }
+}
+
+/// All rules in a line: `24 min on 21 June, 17 h in the year: within paper-2018; above …`. The
+/// numbers are those above the lowest threshold, unfiltered, with what the noise makes of them.
+pub(super) fn in_a_line(
+    clock: &Clock,
+    group: &GroupReceived,
+    eye: Option<&EyeYear>,
+    judgements: &[&Judgement],
+) -> Vec<String> {
+    let long = |day: Banded, date: u32, year: Banded| {
+        let band = |v: Banded, show: &dyn Fn(f64) -> String| match v.low < v.high {
+            true => format!(" ({} to {})", show(v.low), show(v.high)),
+            false => String::new(),
+        };
+        let in_minutes = |h: f64| minutes(h * 60.0);
+        if year.value <= 0.0 {
+            return format!("no glare{}", band(year, &hours));
+        }
+        let (on, day_band) = (clock.date(date), band(day, &in_minutes));
+        let (in_day, in_year) = (in_minutes(day.value), hours(year.value));
+        format!("{in_day}{day_band} on {on}, {in_year}{} in the year", band(year, &hours))
+    };
+    let exactly = |value: f64| Banded { value, low: value, high: value };
+    let irradiance = |t: &&EyeTime| matches!(t.measure, Measure::Irradiance(_));
+    let numbers = match (group.not_evaluated.is_some(), lowest(group)) {
+        (false, Some(at)) => long(at.longest_day_h, at.longest_day, at.hours),
+        // The thresholds of an eye are in the order of the project, its hours fall with them.
+        _ => match eye
+            .into_iter()
+            .flat_map(|e| &e.times)
+            .filter(irradiance)
+            .max_by(|a, b| a.glare.hours.total_cmp(&b.glare.hours))
+        {
+            Some(EyeTime { glare: g, .. }) => {
+                long(exactly(g.longest_day_h), g.longest_day, exactly(g.hours))
+            }
+            None => return Vec::new(),
+        },
+    };
+    let open = |j: &Judgement| {
+        j.verdict.limits.iter().any(|l| !l.certain && l.outcome != Outcome::NotApplicable)
+    };
+    let named = |word: &str, which: &dyn Fn(&Judgement) -> bool| {
+        let ids: Vec<&str> =
+            judgements.iter().filter(|j| which(j)).map(|j| j.rule.as_str()).collect();
+        if ids.is_empty() { String::new() } else { format!("{word} {}", ids.join(", ")) }
+    };
+    let is = |j: &Judgement, outcomes: &[Outcome]| outcomes.contains(&j.verdict.outcome);
+    let kept = [Outcome::Kept, Outcome::Excused];
+    let parts = [
+        named("within", &|j| is(j, &kept) && !open(j)),
+        named("above", &|j| is(j, &[Outcome::Exceeded]) && !open(j)),
+        named("undecided", &|j| (is(j, &kept) || is(j, &[Outcome::Exceeded])) && open(j)),
+        named("not evaluated:", &|j| is(j, &[Outcome::NotEvaluated])),
+        named("no limit for its class in", &|j| is(j, &[Outcome::NotApplicable])),
+    ];
+    let said: Vec<String> = parts.into_iter().filter(|p| !p.is_empty()).collect();
+    let mut text = numbers;
+    if !said.is_empty() {
+        text += &format!(": {}", said.join("; "));
+    }
+    text.push('.');
+    vec![text.replacen("no glare", "No glare", 1)]
 }
 
 /// A receiver with a material in a sentence: how long at worst, when, how much in the year.

@@ -104,6 +104,7 @@ fn instant(job: &Job<'_>, moment: &PlannedMoment) -> Result<(Timestep, f64, f64)
     let spec = TimeSpec {
         days: DayRange { from: moment.day, to: moment.day, step: 1 },
         hours: HourRange { from: moment.hour, to: moment.hour, step: 0.25 },
+        finer: Vec::new(),
         half_year: false,
         ..resolved.times.clone()
     };

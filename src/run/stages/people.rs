@@ -2,8 +2,9 @@
 //! what the rules say.
 
 use super::eyes::{hazard_png, read_eyes};
-use super::judged::{Judgement, class, eye_of, receivers, told};
+use super::judged::{Judgement, class, eye_of, in_a_line, receivers, told};
 use super::receivers::{occurrence, read_received};
+use crate::glare::Lengths;
 use crate::glare::rules::Outcome;
 use crate::report::{Figure, Mark, Point, Section, Table};
 use crate::run::Error;
@@ -13,7 +14,8 @@ use crate::run::job::Job;
 use crate::run::points::Kind;
 use crate::run::received::{GroupReceived, Received};
 use crate::run::resolve::{Candidate, PlannedView};
-use crate::run::words::{hours, minutes};
+use crate::run::words::{MONTHS, hours, minutes};
+use crate::volume::TimeAxis;
 
 /// Episodes that a receiver's table lists.
 const EPISODES: usize = 5;
@@ -38,7 +40,7 @@ pub(super) fn sections(job: &Job<'_>, judgements: &[Judgement]) -> Result<Vec<Se
         text: vec![
             "A region is looked at by points on its surfaces; times are those of the point that is dazzled most, unless it says “anywhere”.".into(),
         ],
-        tables: vec![totals(&all, &clock)],
+        tables: std::iter::once(totals(&all, &clock)).chain(by_month(job, &all)).collect(),
         parts,
         ..Section::default()
     };
@@ -129,9 +131,16 @@ fn in_short(job: &Job<'_>, judgements: &[Judgement], all: &[(&Candidate, Receive
 /// A row for each material and receiver.
 fn totals(all: &[(&Candidate, Received)], clock: &Clock) -> Table {
     let mut table = Table {
-        head: ["receiver", "material", "energy (Wh/m²)", "peak (W/m²)", "30 min worst day (W/m²)"]
-            .map(str::to_owned)
-            .to_vec(),
+        head: [
+            "receiver",
+            "material",
+            "energy (Wh/m²)",
+            "peak (W/m²)",
+            "30 min worst day (W/m²)",
+            "50 h a year (W/m²)",
+        ]
+        .map(str::to_owned)
+        .to_vec(),
         rows: Vec::new(),
     };
     let Some((_, first)) = all.first() else { return table };
@@ -156,6 +165,7 @@ fn totals(all: &[(&Candidate, Received)], clock: &Clock) -> Table {
             row.push(format!("{:.0}", g.annual_max_wh_m2));
             row.push(format!("{:.1}", g.peak_w_m2));
             row.push(format!("{:.1}", g.exceeded_30min_w_m2));
+            row.push(format!("{:.1}", g.exceeded_50h_w_m2));
             for at in &g.thresholds {
                 row.push(hours(at.hours.value));
                 row.push(if at.longest_day_h.value > 0.0 {
@@ -174,6 +184,35 @@ fn totals(all: &[(&Candidate, Received)], clock: &Clock) -> Table {
         }
     }
     table
+}
+
+/// Hours of glare in each month, a row for each material and receiver that is dazzled; not where
+/// the months of half the year aren't known.
+fn by_month(job: &Job<'_>, all: &[(&Candidate, Received)]) -> Option<Table> {
+    if job.resolved.project.time.half_year {
+        return None;
+    }
+    let mut head: Vec<String> =
+        ["receiver", "material", "above (W/m²)"].map(str::to_owned).to_vec();
+    head.extend(MONTHS.map(|month| format!("{}. (h)", &month[..3])));
+    let mut table = Table { head, rows: Vec::new() };
+    for number in 0..all.first().map_or(0, |(_, r)| r.groups.len()) {
+        for (candidate, received) in all {
+            let Some(g) = received.groups.get(number).filter(|g| g.kind != Kind::Sensors) else {
+                continue;
+            };
+            for at in g.thresholds.iter().filter(|at| at.anywhere.hours > 0.0) {
+                let mut row =
+                    vec![g.name.clone(), candidate.name.clone(), at.threshold_w_m2.to_string()];
+                row.extend(at.anywhere.months_h.map(|h| match h {
+                    h if h > 0.0 => format!("{h:.1}"),
+                    _ => "–".into(),
+                }));
+                table.rows.push(row);
+            }
+        }
+    }
+    (!table.rows.is_empty()).then_some(table)
 }
 
 fn receiver(
@@ -212,9 +251,14 @@ fn receiver(
             (Some(eye), true) => eye_told(clock, eye),
             _ => told(clock, group),
         };
+        let of_material: Vec<&Judgement> = judgements
+            .iter()
+            .filter(|j| j.material == candidate.name && j.receiver == group.name)
+            .collect();
+        let line = in_a_line(clock, group, eye, &of_material);
         out.points.push(Point {
             lead: format!("{}:", candidate.name),
-            text: text.join(" "),
+            text: [line, text].concat().join(" "),
             mark: Mark::Plain,
         });
         if let Some(eye) = eye {
@@ -227,9 +271,7 @@ fn receiver(
                 });
             }
         }
-        let mine =
-            judgements.iter().filter(|j| j.material == candidate.name && j.receiver == group.name);
-        for j in mine {
+        for j in of_material {
             out.points.push(Point {
                 text: match j.criteria.is_empty() {
                     true => j.sentence.clone(),
@@ -265,7 +307,7 @@ fn receiver(
     Ok(out)
 }
 
-/// An observer in free air: photons don't land there, the eye's irradiance is integrated.
+/// An observer on the PV: photons don't land there, the eye's irradiance is integrated.
 fn eye_told(clock: &Clock, eye: &EyeYear) -> Vec<String> {
     let mut out = Vec::new();
     for time in &eye.times {
@@ -339,11 +381,15 @@ fn where_it_is(group: &GroupReceived) -> String {
     let mut parts = Vec::new();
     match (group.kind, group.points) {
         (_, 0) => {}
+        (Kind::Observer, _) if group.in_air > 0 => parts.push("an observer in free air".into()),
         (Kind::Observer, _) => parts.push("an observer on a surface".into()),
         (_, n) if group.area_m2 > 0.0 => {
             parts.push(format!("{n} points on {:.0} m²", group.area_m2));
         }
         (_, n) => parts.push(format!("{n} points")),
+    }
+    if group.in_air > 0 && group.kind != Kind::Observer {
+        parts.push(format!("{} of them in free air", group.in_air));
     }
     match &group.pv {
         Some(pv) => parts.push(format!(
@@ -368,6 +414,7 @@ fn episodes(
     clock: &Clock,
 ) -> Result<Option<Table>, Error> {
     let timeline = job.timeline()?;
+    let lengths = Lengths::of(&TimeAxis::from(timeline))?;
     let mut table = Table {
         head: ["material", "above (W/m²)", "from", "to", "duration", "peak (W/m²)", "mostly from"]
             .map(str::to_owned)
@@ -383,13 +430,12 @@ fn episodes(
             let show = |t: usize| {
                 timeline.steps.get(t).map_or_else(String::new, |s| clock.show(s.day, s.hour))
             };
-            let steps = (e.last - e.first + 1) as f64;
             table.rows.push(vec![
                 candidate.name.clone(),
                 at.threshold_w_m2.to_string(),
                 show(e.first),
                 show(e.last),
-                minutes(steps * timeline.step_h * 60.0),
+                minutes(lengths.hours(e.first..=e.last) * 60.0),
                 format!("{:.1}", e.peak_w_m2),
                 e.surface.as_ref().map_or_else(
                     || "–".into(),

@@ -22,6 +22,7 @@ use crate::run::clock::Clock;
 use crate::run::job::{Job, Stage};
 use crate::run::manifest::key_of;
 use crate::run::resolve::{Candidate, PlannedView, Resolved};
+use crate::run::words::MONTHS;
 
 /// Decades of the logarithmic scale of annual maps.
 const DECADES: f64 = 3.0;
@@ -287,13 +288,22 @@ fn unfiltered(
     out: &mut Vec<Quantity>,
 ) -> Result<(), Error> {
     let thresholds = &job.resolved.project.glare.thresholds_w_m2;
-    for (file, channel, title, meaning, unit) in [(
-        "longest_day_h",
-        "longest_day.h",
-        "Glare on the worst day",
-        "The most time above the threshold on any one day.",
-        "h",
-    )] {
+    for (file, channel, title, meaning, unit) in [
+        (
+            "longest_day_h",
+            "longest_day.h",
+            "Glare on the worst day",
+            "The most time above the threshold on any one day.",
+            "h",
+        ),
+        (
+            "longest_run_h",
+            "longest_run.h",
+            "Longest unbroken glare",
+            "The longest time above the threshold without a break on any day.",
+            "h",
+        ),
+    ] {
         let mut grids = Vec::new();
         for t in thresholds {
             grids.extend(all(job, &format!("glare-{t}/unfiltered/{file}"), channel)?);
@@ -316,9 +326,10 @@ fn unfiltered(
             });
         }
     }
-    // The margins don't depend on a threshold: one picture for all. Days and clock times are drawn
-    // for the lowest: those of others lie within.
+    // The margins don't depend on a threshold: one picture for all. Days, months and clock times
+    // are drawn for the lowest: those of others lie within.
     let Some(t) = thresholds.iter().min_by(|a, b| a.total_cmp(b)) else { return Ok(()) };
+    months(job, *t, (watts, what), out)?;
     let zone = Clock::new(&job.resolved.project.site, job.timeline()?.year).zone();
     for (file, channel, title, meaning, unit) in [
         ("days", "days.d", "Days with glare", "Days with any glare.".to_owned(), "d"),
@@ -385,6 +396,40 @@ fn unfiltered(
             bare: "no colour: less, or not for so long".into(),
             caption: format!("The margin to any threshold: one below this value is exceeded for that long here. Irradiance {what}, unfiltered."),
             scale: decades(max, watts),
+            faint_wh_m2: None,
+        });
+    }
+    Ok(())
+}
+
+/// Hours of glare in each month that has any, on one scale.
+fn months(
+    job: &Job<'_>,
+    threshold: f64,
+    (watts, what): (&str, &str),
+    out: &mut Vec<Quantity>,
+) -> Result<(), Error> {
+    let file = |month: usize| format!("glare-{threshold}/unfiltered/month_{month:02}_h");
+    let channel = |month: usize| format!("month_{month:02}.h");
+    let mut grids = Vec::new();
+    for month in 1..=12 {
+        grids.push(all(job, &file(month), &channel(month))?);
+    }
+    let lit: Vec<bool> = grids.iter().map(|list| !list.is_empty()).collect();
+    let max = scale::percentile(&grids.concat(), 1.0);
+    let max = if max > 0.0 { scale::nice_ceiling(max) } else { 1.0 };
+    for (month, name) in (1..=12).zip(MONTHS).filter(|(month, _)| lit[month - 1]) {
+        out.push(Quantity {
+            file: file(month),
+            picture: None,
+            channel: channel(month),
+            title: format!("Hours of glare in {name} above {threshold} {watts}"),
+            legend: format!("above {threshold} {watts}"),
+            bare: "no colour: never above the threshold in this month".into(),
+            caption: format!(
+                "Days that were not computed count as the computed one before them. Irradiance {what}, unfiltered; noise makes single pixels too high."
+            ),
+            scale: Scale::linear(max, "h"),
             faint_wh_m2: None,
         });
     }

@@ -7,10 +7,11 @@ use serde_json::json;
 
 use super::direct;
 use super::noted::Noted;
-use crate::base::{Grid, SpectralBasis};
+use super::passing;
+use crate::base::{Grid, SpectralBasis, TileSink};
 use crate::pages::{Access, OpenOptions, Store};
 use crate::picture::{self, exr, hdr};
-use crate::render::{self, Fused, Gather, HitMap, Quantity, Series, Surfaces};
+use crate::render::{self, Fused, Gather, HitMap, Passed, Quantity, Series, Surfaces};
 use crate::run::Error;
 use crate::run::cpu::Watch;
 use crate::run::job::{Job, Stage};
@@ -122,7 +123,12 @@ fn maps(job: &mut Job<'_>, candidate: &Candidate, view: &PlannedView) -> Result<
     let about = (key.as_str(), &about[..]);
     let surfaces = view.annual.edges.then(|| job.site().map(Surfaces::of)).transpose()?;
     let made_from = (&store, surfaces.as_ref(), &hits);
-    let (mut outputs, annual_took) = annual(job, made_from, candidate, view, about)?;
+    let air = passing::crossings(job, candidate, view, &hits)?;
+    let air = air.as_ref().map(passing::Made::passed);
+    let (mut outputs, annual_took) = annual(job, made_from, air, candidate, view, about)?;
+    if air.is_some() {
+        outputs.push(passing::store_name(job, candidate, view));
+    }
     let annual_cache = store.cache_stats();
     let watch = Watch::start();
     let (series, written) = if view.fuse {
@@ -138,13 +144,16 @@ fn maps(job: &mut Job<'_>, candidate: &Candidate, view: &PlannedView) -> Result<
         (series, json!({ "batches": batches }))
     } else {
         let quantity = job.resolved.quantity;
-        let made = written(job, made_from, candidate, view, (about, quantity), &mut outputs)?;
+        let mut written = |quantity| {
+            written(job, made_from, air, candidate, view, (about, quantity), &mut outputs)
+        };
+        let made = written(quantity)?;
         if view.both {
             let other = match quantity {
                 Quantity::Surface => Quantity::Normal,
                 Quantity::Normal => Quantity::Surface,
             };
-            written(job, made_from, candidate, view, (about, other), &mut outputs)?;
+            written(other)?;
         }
         made
     };
@@ -225,6 +234,7 @@ type MadeFrom<'a> = (&'a Store, Option<&'a Surfaces<'a>>, &'a HitMap);
 fn written(
     job: &Job<'_>,
     (store, surfaces, hits): MadeFrom<'_>,
+    air: Option<Passed<'_>>,
     candidate: &Candidate,
     view: &PlannedView,
     (about, quantity): (About<'_>, Quantity),
@@ -236,7 +246,15 @@ fn written(
     let notes = notes.with_extension("notes");
     let path = job.folder.prepare(&notes)?;
     let noted = Noted::open(&writer, &path, about.0, hits.columns)?;
-    let told = render::series(store, surfaces, hits, &gather, quantity, &noted, job.progress)?;
+    let with_air = air.as_ref().map(|a| a.series(&noted, quantity, gather.mantissa_bits));
+    let sink: &dyn TileSink = match &with_air {
+        Some(sink) => sink,
+        None => &noted,
+    };
+    let mut told = render::series(store, surfaces, hits, &gather, quantity, sink, job.progress)?;
+    if let Some(air) = &air {
+        air.add_noise(&mut told, quantity)?;
+    }
     drop(noted);
     job.progress.finish();
     let written = writer.finish()?;
@@ -288,6 +306,7 @@ pub(super) fn writer(
 fn annual(
     job: &Job<'_>,
     (store, surfaces, hits): MadeFrom<'_>,
+    air: Option<Passed<'_>>,
     candidate: &Candidate,
     view: &PlannedView,
     (key, about): (&str, &[(&str, &str)]),
@@ -305,7 +324,10 @@ fn annual(
     }
     let watch = Watch::start();
     let weights: Vec<f64> = job.timeline()?.steps.iter().map(|s| s.weight_h).collect();
-    let annual = render::annual(store, surfaces, hits, &weights, &view.annual, job.progress)?;
+    let mut annual = render::annual(store, surfaces, hits, &weights, &view.annual, job.progress)?;
+    if let Some(air) = &air {
+        air.add_year(&mut annual, &weights)?;
+    }
     let took = watch.read();
     job.progress.finish();
     let grey = annual.surface.map(|v| [*v; 3]);

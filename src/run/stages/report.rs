@@ -13,7 +13,6 @@ use super::pictures::read;
 use crate::base::{Grid, Provenance, SpectralBasis};
 use crate::report::{Document, Figure, Section, Table, html};
 use crate::run::Error;
-use crate::run::clock::Clock;
 use crate::run::job::{Job, Stage};
 use crate::run::manifest::key_of;
 use crate::run::resolve::{Candidate, PlannedMoment, PlannedView, Resolved};
@@ -157,7 +156,7 @@ fn numbers(job: &Job<'_>, view: &PlannedView) -> Result<Section, Error> {
         ..Section::default()
     };
     section.tables.extend(super::verdicts::table(job, view)?);
-    section.tables.extend(longest_events(job, &events)?);
+    section.tables.extend(longest_events(&events));
     Ok(section)
 }
 
@@ -165,6 +164,9 @@ fn numbers(job: &Job<'_>, view: &PlannedView) -> Result<Section, Error> {
 struct Event {
     first: usize,
     last: usize,
+    first_at: String,
+    last_at: String,
+    duration_h: f64,
     pixels: u64,
     peak_w_m2: f64,
 }
@@ -186,6 +188,9 @@ fn read_events(
             last: words.next()?.parse().ok()?,
             pixels: words.nth(1)?.parse().ok()?,
             peak_w_m2: words.next()?.parse().ok()?,
+            duration_h: words.nth(10)?.parse().ok()?,
+            first_at: words.next()?.to_owned(),
+            last_at: words.next()?.to_owned(),
         })
     };
     text.lines()
@@ -200,12 +205,7 @@ fn read_events(
         .collect()
 }
 
-fn longest_events(
-    job: &Job<'_>,
-    all: &[(String, f64, Vec<Event>)],
-) -> Result<Option<Table>, Error> {
-    let timeline = job.timeline()?;
-    let clock = Clock::new(&job.resolved.project.site, timeline.year);
+fn longest_events(all: &[(String, f64, Vec<Event>)]) -> Option<Table> {
     let mut table = Table {
         head: ["material", "above (W/m²)", "from", "to", "duration (h)", "pixels", "peak (W/m²)"]
             .map(str::to_owned)
@@ -216,21 +216,18 @@ fn longest_events(
         let mut longest: Vec<&Event> = list.iter().collect();
         longest.sort_by_key(|e| (std::cmp::Reverse((e.last - e.first, e.pixels)), e.first));
         for e in longest.into_iter().take(EVENTS) {
-            let at = |i: usize| {
-                timeline.steps.get(i).map_or_else(String::new, |s| clock.show(s.day, s.hour))
-            };
             table.rows.push(vec![
                 name.clone(),
                 threshold.to_string(),
-                at(e.first),
-                at(e.last),
-                format!("{:.2}", (e.last - e.first + 1) as f64 * timeline.step_h),
+                e.first_at.clone(),
+                e.last_at.clone(),
+                format!("{:.2}", e.duration_h),
                 e.pixels.to_string(),
                 format!("{:.1}", e.peak_w_m2),
             ]);
         }
     }
-    Ok((!table.rows.is_empty()).then_some(table))
+    (!table.rows.is_empty()).then_some(table)
 }
 
 fn pictures_of(job: &Job<'_>, candidate: &Candidate) -> Result<Section, Error> {
@@ -242,6 +239,16 @@ fn pictures_of(job: &Job<'_>, candidate: &Candidate) -> Result<Section, Error> {
     for t in &job.resolved.project.glare.thresholds_w_m2 {
         files.push((format!("glare-{t}/cumulative"), "hours of glare in a year"));
         files.push((format!("glare-{t}/sustained"), "longest glare event"));
+    }
+    let thresholds = &job.resolved.project.glare.thresholds_w_m2;
+    if let Some(t) = thresholds.iter().min_by(|a, b| a.total_cmp(b)) {
+        for (map, caption) in [
+            ("longest_day_h", "glare on the worst day, unfiltered"),
+            ("exceeded_30min_w_m2", "irradiance exceeded for 30 minutes of the worst day"),
+            ("exceeded_50h_w_m2", "irradiance exceeded for 50 hours of the year"),
+        ] {
+            files.push((format!("glare-{t}/unfiltered/{map}"), caption));
+        }
     }
     for (file, caption) in files {
         for view in &job.resolved.views {
@@ -319,7 +326,7 @@ fn limits_of_it(job: &Job<'_>) -> Section {
             super::render::quantity_words(resolved.quantity)
         ),
         "The noise of a value is that of its photons: all irradiances two standard errors lower, and two higher. It doesn't hold what the model leaves out.".into(),
-        "Rules are judged at the point of an observer or region where each value is largest, unfiltered unless the rule asks for the filter; there it runs over time alone. A photon store knows light only where it lands: sensors and regions in free air are not evaluated, and observers there by integration over the PV.".into(),
+        "Rules are judged at the point of an observer or region where each value is largest, unfiltered unless the rule asks for the filter; there it runs over time alone. In free air photons are counted where they cross a disc of 0.1 m radius or less, in a run of their own.".into(),
         format!(
             "What eyes see (luminance, hazard, veil) is integrated over the PV's cells of half a metre, without photons and without a limit of distance; only what lies before the eye counts. A watt is taken for {} lm. The hazard is that of Ho, Ghanbari and Diver (2011), of the part of the PV that is worst; the veil that of CIE 146:2002 at {} years of age, for a line of sight along the observer's direction (to the middle of the PV where it has none). Mirror images of the sun are some 10 million to a billion cd/m²: above every limit of luminance.",
             job.timeline().map_or(0.0, |t| t.basis.lm_per_w()),

@@ -19,15 +19,6 @@ impl Slices for Knowing {
         self.0.shape()
     }
 
-    fn read(
-        &self,
-        range: Range<usize>,
-        rows: Range<usize>,
-        out: &mut [f32],
-    ) -> Result<(), ReadFailure> {
-        self.0.read(range, rows, out)
-    }
-
     fn read_lit(
         &self,
         range: Range<usize>,

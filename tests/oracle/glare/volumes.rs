@@ -32,12 +32,14 @@ impl Slices for Memory {
         self.shape
     }
 
-    fn read(
+    fn read_lit(
         &self,
         range: Range<usize>,
         picked: Range<usize>,
         out: &mut [f32],
+        lit: &mut [bool],
     ) -> Result<(), ReadFailure> {
+        lit.fill(true);
         let [_, rows, columns] = self.shape;
         for (timestep, out) in range.zip(out.chunks_exact_mut(picked.len() * columns)) {
             let first = (timestep * rows + picked.start) * columns;

@@ -4,6 +4,7 @@
 use std::path::PathBuf;
 
 use crate::base::Timeline;
+use crate::glare::Lengths;
 use crate::picture::Chart;
 use crate::picture::chart::{Axis, Cell, SURFACES, Swatch};
 use crate::run::Error;
@@ -13,6 +14,7 @@ use crate::run::points::Kind;
 use crate::run::received::GroupReceived;
 use crate::run::resolve::{Candidate, PlannedView};
 use crate::run::stages::receivers::{occurrence, read_received};
+use crate::volume::TimeAxis;
 
 const NIGHT: [u8; 3] = [228, 231, 238];
 const DAYLIGHT: [u8; 3] = [251, 248, 240];
@@ -103,6 +105,7 @@ fn read(job: &Job<'_>, name: &std::path::Path) -> Result<Vec<Lit>, Error> {
 struct Board<'a> {
     job: &'a Job<'a>,
     timeline: &'a Timeline,
+    lengths: Lengths,
     clock: Clock,
     /// Days that a timestep stands for.
     days: f64,
@@ -117,14 +120,15 @@ impl<'a> Board<'a> {
         let gap = days.windows(2).map(|d| d[1] - d[0]).min().unwrap_or(1);
         let clock = Clock::new(&job.resolved.project.site, timeline.year);
         let watts = super::watts(timeline.basis);
-        Ok(Self { job, timeline, clock, days: f64::from(gap), watts })
+        let lengths = Lengths::of(&TimeAxis::from(timeline))?;
+        Ok(Self { job, timeline, lengths, clock, days: f64::from(gap), watts })
     }
 
     fn cell(&self, timestep: usize, color: [u8; 3]) -> Option<Cell> {
         let step = self.timeline.steps.get(timestep)?;
         let day = f64::from(step.day);
         let hour = self.clock.civil_hour(step.day, step.hour);
-        let half = self.timeline.step_h / 2.0;
+        let half = self.lengths.hours(timestep..=timestep) / 2.0;
         Some(Cell { x: [day, day + self.days], y: [hour - half, hour + half], color })
     }
 

@@ -52,7 +52,9 @@ def project_of(folder, material):
 
     def stays(part):
         name = re.match(r'\[\[material\]\].*\nname = "(.*?)"', part)
-        return (not name or name.group(1) == material) and not part.startswith("[reference]")
+        # Regions and observers would have photons traced for the direct run, too.
+        left_out = ("[reference]", "[[region]]", "[[observer]]")
+        return (not name or name.group(1) == material) and not part.startswith(left_out)
 
     path.write_text("".join(part for part in parts if stays(part)))
     return folder

@@ -3,6 +3,7 @@
 
 mod fault;
 mod finding;
+mod gate;
 mod grid;
 mod header;
 pub mod limits;
@@ -16,6 +17,7 @@ mod time;
 
 pub use fault::FaultKind;
 pub use finding::{Finding, Place, Severity};
+pub use gate::{Gate, GateSheet};
 pub use grid::{Grid, TileRect, tiles};
 pub use header::Provenance;
 pub use photon::Photon;

@@ -46,7 +46,7 @@ pub(super) struct Arguments {
     /// 0.5 for --object]
     #[arg(long, value_name = "M")]
     spacing: Option<f64>,
-    /// From one instant to the next: 10s to 60min, a whole part of the day
+    /// From one instant to the next: 1s to 60min, a whole part of the day
     #[arg(long, value_name = "STEP", default_value = "1min", value_parser = seconds)]
     step: u32,
     /// Least angle between sun and reflection, degrees; the rule says 10
@@ -121,12 +121,13 @@ pub(super) fn run(arguments: &Arguments, context: &Context) -> anyhow::Result<()
 fn told(found: &Mirrored) -> String {
     let a = &found.assumptions;
     let mut text = format!(
-        "{}: every {} s of {}, {} suns by {}{}{}\n",
+        "{}: every {} s of {}, {} suns by {} ({} worked out){}{}\n",
         found.rule,
         a.step_s,
         a.year,
         a.suns,
         a.sun,
+        a.worked_out,
         if a.refraction { ", refracted" } else { "" },
         if a.far_horizon { ", above the far horizon" } else { "" },
     );

@@ -38,7 +38,7 @@ pub use facts::{About, RADIUS_RULE, StoreInfo};
 pub use inspect::{LevelStats, Share};
 pub use mapped::Access;
 pub use page::Light;
-pub use query::{Neighbour, Neighbours, Query};
+pub use query::{ALWAYS, Neighbour, Neighbours, Query};
 pub use spill::{Spill, SpillSummary, discard, join};
 pub use store::{OpenOptions, Store};
 pub use verify::verify;

@@ -2,6 +2,7 @@
 
 use std::collections::HashMap;
 use std::ops::Range;
+use std::sync::OnceLock;
 
 use glam::Vec3;
 use glintmap_formats::gmp::{Columns, Flux};
@@ -157,6 +158,8 @@ pub(super) struct Page {
     pub blocks: Vec<Aabb>,
     /// First and last timestep of each [`BLOCK`] photons.
     pub steps: Vec<(u32, u32)>,
+    /// Numbers of the photons by timestep, from when somebody asks for few timesteps.
+    by_timestep: OnceLock<Vec<u16>>,
 }
 
 impl Page {
@@ -204,7 +207,22 @@ impl Page {
             direction: columns.direction.clone(),
             blocks,
             steps,
+            by_timestep: OnceLock::new(),
         }
+    }
+
+    /// Lists the numbers of the photons of some timesteps, ascending.
+    pub fn of_timesteps(&self, timesteps: &Range<u32>, out: &mut Vec<u16>) {
+        let timestep = |i: u16| self.light[usize::from(i)].timestep;
+        let order = self.by_timestep.get_or_init(|| {
+            let mut order: Vec<u16> = (0..self.photons as u16).collect();
+            order.sort_unstable_by_key(|&i| (timestep(i), i));
+            order
+        });
+        let before = |end: u32| order.partition_point(|&i| timestep(i) < end);
+        out.clear();
+        out.extend_from_slice(&order[before(timesteps.start)..before(timesteps.end)]);
+        out.sort_unstable();
     }
 
     /// First and last timestep of its photons.
@@ -229,10 +247,11 @@ impl Page {
         }
     }
 
-    /// What it weighs in the cache.
+    /// What it weighs in the cache, with the numbers by timestep, whether or not it has them.
     pub fn bytes(&self) -> usize {
         size_of::<Self>()
             + 12 * self.x.capacity()
+            + size_of::<u16>() * self.photons
             + size_of::<Vec3>() * self.normals.capacity()
             + 6 * self.normal.capacity()
             + size_of::<Light>() * self.light.capacity()
@@ -248,4 +267,9 @@ fn first_and_last(timesteps: &[u32]) -> (u32, u32) {
 /// Whether a range of timesteps from `first` to `last`, both included, meets another.
 pub(super) fn meets((first, last): (u32, u32), during: &Range<u32>) -> bool {
     first < during.end && last >= during.start
+}
+
+/// Whether a range of timesteps from `first` to `last`, both included, lies in another.
+pub(super) fn within((first, last): (u32, u32), during: &Range<u32>) -> bool {
+    first >= during.start && last < during.end
 }

@@ -30,7 +30,7 @@ pub struct Query {
 }
 
 /// All timesteps.
-pub(super) const ALWAYS: Range<u32> = 0..u32::MAX;
+pub const ALWAYS: Range<u32> = 0..u32::MAX;
 /// Cosine of the largest angle between the normals of query and photon.
 pub(super) const SAME_SIDE: f32 = 0.5;
 

@@ -18,7 +18,7 @@ use super::Error;
 use super::cache::{Cache, CacheStats};
 use super::facts::{Facts, StoreInfo, max_radius_m};
 use super::mapped::{Access, Bytes};
-use super::page::{BLOCK, Light, Page, meets};
+use super::page::{BLOCK, Light, Page, meets, within};
 use super::query::ALWAYS;
 use super::tree::{node_box, page_box};
 use crate::base::{Aabb, Photon, limits};
@@ -209,31 +209,33 @@ impl Store {
         Ok(())
     }
 
-    /// Calls `each` with index, position, normal and light of the photons in `region` (borders
-    /// included), in store order, until it says false: several times faster than whole photons.
+    /// Calls `each` with index, position, normal and light of the photons of some timesteps in
+    /// `region` (borders included), in store order, until it says false: several times faster than
+    /// whole photons. Few timesteps cost their own photons, not all in the region.
     ///
     /// # Errors
     /// [`Error::Damaged`] where a page doesn't hold what it promises.
     pub fn lit_in_box(
         &self,
         region: Aabb,
+        timesteps: &Range<u32>,
         mut each: impl FnMut(u64, Vec3, Vec3, &Light) -> bool,
     ) -> Result<(), Error> {
-        self.pages_in_box(region, ALWAYS, |first, page| {
-            for (block, &bounds) in page.blocks.iter().enumerate() {
-                if apart(bounds, region) {
-                    continue;
-                }
-                for i in block * BLOCK..page.photons.min((block + 1) * BLOCK) {
-                    let place = Vec3::new(page.x[i], page.y[i], page.z[i]);
-                    let normal = page.normals[usize::from(page.normal[i])];
-                    let inside = region.contains(place);
-                    if inside && !each(first + i as u64, place, normal, &page.light[i]) {
-                        return false;
-                    }
-                }
+        let mut few = Vec::new();
+        self.pages_in_box(region, timesteps.clone(), |first, page| {
+            let mut look = |i: usize| {
+                let place = Vec3::new(page.x[i], page.y[i], page.z[i]);
+                let normal = page.normals[usize::from(page.normal[i])];
+                !region.contains(place) || each(first + i as u64, place, normal, &page.light[i])
+            };
+            if !within(page.timesteps(), timesteps) {
+                page.of_timesteps(timesteps, &mut few);
+                return few.iter().all(|&i| look(usize::from(i)));
             }
-            true
+            page.blocks.iter().enumerate().all(|(block, &bounds)| {
+                let photons = block * BLOCK..page.photons.min((block + 1) * BLOCK);
+                apart(bounds, region) || { photons }.all(&mut look)
+            })
         })
     }
 

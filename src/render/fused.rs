@@ -65,7 +65,7 @@ impl<'a> Fused<'a> {
             entries: vec![0; timesteps as usize],
         });
         progress.begin("radius of each pixel", (hits.columns * hits.rows) as u64, "pixels");
-        let integers = |beam: Beam| Some(fluxes.integers_of(quantity, beam));
+        let integers = |beam: Beam| fluxes.integers_of(quantity, beam);
         order.tiles().par_iter().enumerate().try_for_each_init(
             || (Scratch::default(), TileSeries::new(0..timesteps)),
             |(scratch, tile_series), (number, &tile)| {
@@ -132,17 +132,15 @@ impl<'a> Fused<'a> {
         progress: &dyn Progress,
     ) -> Result<(), Error> {
         let timesteps = timesteps.start..timesteps.end.min(self.store.info().timesteps);
-        let integers = |beam: Beam| {
-            let now = timesteps.contains(&beam.timestep);
-            now.then(|| self.fluxes.integers_of(self.how.0, beam))
-        };
+        let integers = |beam: Beam| self.fluxes.integers_of(self.how.0, beam);
         self.tiles.par_iter().try_for_each_init(
             || (Scratch::default(), TileSeries::new(timesteps.clone())),
             |(scratch, tile_series), (tile, recorded)| {
                 progress.check()?;
                 tile_series.clear();
                 let spots = self.order.spots(*tile);
-                self.shared.again(&spots, scratch, &integers, recorded, |spot, mut found| {
+                let what = (recorded, &timesteps);
+                self.shared.again(&spots, scratch, &integers, what, |spot, mut found| {
                     tile_series.pixel(spot.pixel, &mut found, &self.fluxes, self.how);
                 })?;
                 sink.put(*tile, tile_series.sorted())?;

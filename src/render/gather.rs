@@ -243,7 +243,7 @@ pub fn annual(
     progress.begin("annual map", (hits.columns * hits.rows) as u64, "pixels");
     // A timestep out of range is damage that verify finds; it must not panic here.
     let weight = |t: u32| weights_h.get(t as usize).copied().unwrap_or(0.0);
-    let integers = |beam: Beam| Some(fluxes.integers(beam, weight(beam.timestep)));
+    let integers = |beam: Beam| fluxes.integers(beam, weight(beam.timestep));
     order.tiles().par_iter().try_for_each_init(
         || (Scratch::default(), Vec::new()),
         |(scratch, values), &tile| {

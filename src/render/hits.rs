@@ -7,7 +7,7 @@ use rayon::prelude::*;
 use super::seen::SeenPv;
 use super::{Error, View, ViewRay};
 use crate::base::{Progress, Provenance};
-use crate::site::Site;
+use crate::site::{RayHit, Site};
 
 /// What a pixel shows, as far as light from the PV is concerned.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -184,8 +184,29 @@ pub(super) struct Met {
 /// The first surface along a ray. The place is computed anew in f64: far view points would
 /// otherwise cost millimetres.
 pub(super) fn first_surface(site: &Site, ray: &ViewRay) -> Option<Met> {
-    let limit = if ray.limit_m.is_finite() { ray.limit_m as f32 } else { f32::INFINITY };
-    let found = site.bvh.closest(ray.origin.as_vec3(), ray.direction.as_vec3(), 0.0, limit)?;
+    let (origin, direction) = (ray.origin.as_vec3(), ray.direction.as_vec3());
+    site.bvh.closest(origin, direction, 0.0, reach_m(ray)).map(|found| met(site, ray, &found))
+}
+
+/// The crowns along a ray in a month, each with the share of the light that it lets through, and
+/// what is opaque behind them.
+pub(super) fn surfaces_along(
+    site: &Site,
+    ray: &ViewRay,
+    month: usize,
+) -> (Vec<(Met, f32)>, Option<Met>) {
+    let Some(crowns) = &site.crowns else { return (Vec::new(), first_surface(site, ray)) };
+    let (origin, direction) = (ray.origin.as_vec3(), ray.direction.as_vec3());
+    let (leaves, end) = crowns.along(origin, direction, reach_m(ray), month);
+    let leaves = leaves.iter().map(|(hit, share)| (met(site, ray, hit), *share)).collect();
+    (leaves, end.map(|found| met(site, ray, &found)))
+}
+
+fn reach_m(ray: &ViewRay) -> f32 {
+    if ray.limit_m.is_finite() { ray.limit_m as f32 } else { f32::INFINITY }
+}
+
+fn met(site: &Site, ray: &ViewRay, found: &RayHit) -> Met {
     let triangle = &site.triangles[found.triangle as usize];
     let front = triangle.normal();
     let n = front.as_dvec3();
@@ -199,7 +220,7 @@ pub(super) fn first_surface(site: &Site, ray: &ViewRay) -> Option<Met> {
         }
     }
     let normal = if slope > 0.0 { -front } else { front };
-    Some(Met { position: ray.origin + ray.direction * along, normal, triangle: found.triangle })
+    Met { position: ray.origin + ray.direction * along, normal, triangle: found.triangle }
 }
 
 /// What every pixel of a view sees. `max_path_m` decides between [`HitKind::Receiver`] and

@@ -4,7 +4,7 @@
 //! each pixel sees, once per view, for everyone else. [`annual`] and [`series`] ask the photon
 //! store for the photons around each hit and turn them into irradiance; [`background`] paints the
 //! scene by daylight, so that a planner recognises the house. [`sensors`] are points with normals
-//! instead of pixels.
+//! instead of pixels; where they stand in free air, [`Passed`] counts the photons that pass.
 #![doc = ""]
 #![doc = include_str!("../docs/estimators.md")]
 
@@ -25,6 +25,7 @@ mod mirror;
 pub mod moment;
 mod order;
 mod palette;
+mod passed;
 mod seen;
 pub mod sensors;
 mod series;
@@ -36,8 +37,8 @@ mod view_options;
 pub use background::{background, representative_suns};
 pub use confidence::{DECIDED, undecided};
 pub use direct::{
-    Direct, DirectScene, DirectScratch, DirectSinks, DirectSummary, DirectYear, PvSight, TileYear,
-    direct_series,
+    Direct, DirectScene, DirectScratch, DirectSinks, DirectSummary, DirectYear, FusedDirect,
+    PvSight, TileYear, direct_series,
 };
 pub use error::Error;
 pub use estimate::{Estimate, Estimator, Kernel, MIN_COS, MIN_RADIUS_M, estimate};
@@ -48,6 +49,7 @@ pub use mirror::{
     Anywhere, Lit, MirrorDay, MirrorReceiver, MirrorRule, MirrorRun, MirrorSummary, MirrorTimes,
     MirrorYear, SEPARATION_DEG,
 };
+pub use passed::{Passed, PassedSeries};
 pub use series::{Quantity, Series, SeriesSummary, series};
 pub use surfaces::Surfaces;
 pub use view::{Projection, View, ViewRay};

@@ -5,7 +5,7 @@ use glam::{DVec3, Vec3};
 
 use super::seen::SeenPv;
 use super::{Error, Hit, HitKind, HitMap};
-use crate::base::{Aabb, limits};
+use crate::base::{Aabb, Gate, limits};
 use crate::site::Site;
 
 /// A sensor counts as lying on a surface within this distance, m: terrain and walls of city models
@@ -32,7 +32,7 @@ pub enum Footing {
     Surface,
     /// The PV itself: photons don't land on what sends them.
     Pv,
-    /// Nothing: photons pass, and none is stored.
+    /// Nothing: photons pass, and are counted where they cross a [`Gate`].
     Air,
 }
 
@@ -119,7 +119,7 @@ fn sensor(line: &str) -> Result<Sensor, String> {
 /// Looks what each sensor stands on and what it sees of the PV. Sensors that stand on a surface
 /// get its place (at most [`ON_SURFACE_M`] away) and plane, turned to the sensor's side, so that
 /// the photons there are found. In the hits all others are [`HitKind::Clipped`] (or
-/// [`HitKind::Pv`]): no light is looked for, and `footing` says why.
+/// [`HitKind::Pv`]): no photons are looked for on surfaces there, and `footing` says why.
 pub fn place(sensors: &[Sensor], site: &Site, max_path_m: f64, seed: u64) -> Placed {
     let seen = SeenPv::spread(site, seed);
     let mut placed = Placed {
@@ -167,6 +167,24 @@ fn footing(sensor: &Sensor, site: &Site) -> (Footing, Hit) {
         kind: HitKind::Pv,
     };
     (if source.pv.is_some() { Footing::Pv } else { Footing::Surface }, hit)
+}
+
+/// Rays that look for surfaces around a gate.
+const SPOKES: u32 = 32;
+/// A gate isn't made smaller than this for the surfaces around it, m.
+const LEAST_GATE_M: f64 = 0.02;
+
+/// The gate of a sensor in free air: a disc of `radius_m`, smaller where it would cut a surface of
+/// the scene, behind which it would lie in the dark.
+pub fn gate(position: DVec3, normal: DVec3, radius_m: f64, site: &Site) -> Gate {
+    let frame = crate::base::Frame::around(normal);
+    let nearest = (0..SPOKES).fold(radius_m, |least, i| {
+        let turn = std::f64::consts::TAU * f64::from(i) / f64::from(SPOKES);
+        let spoke = frame.x * libm::cos(turn) + frame.y * libm::sin(turn);
+        let met = site.bvh.closest(position.as_vec3(), spoke.as_vec3(), 0.0, least as f32);
+        met.map_or(least, |hit| least.min(f64::from(hit.distance_m)))
+    });
+    Gate { centre: position, normal, radius_m: nearest.max(LEAST_GATE_M) }
 }
 
 /// A piece of a surface that a region is sampled by.

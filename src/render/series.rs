@@ -273,7 +273,7 @@ pub fn series(
         radius_m: Grid::filled(hits.columns, hits.rows, 0.0),
     });
     progress.begin("time series", (hits.columns * hits.rows) as u64, "pixels");
-    let integers = |beam: Beam| Some(fluxes.integers_of(quantity, beam));
+    let integers = |beam: Beam| fluxes.integers_of(quantity, beam);
     let how = (quantity, settings.mantissa_bits);
     order.tiles().par_iter().try_for_each_init(
         || (Scratch::default(), TileSeries::new(0..store.info().timesteps), Vec::new()),

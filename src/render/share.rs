@@ -9,6 +9,7 @@
 mod group;
 
 use std::f64::consts::PI;
+use std::ops::Range;
 
 use glam::Vec3;
 
@@ -18,7 +19,7 @@ use super::loaded::{Light, Loaded};
 use super::surfaces::{Mask, Plane, Surfaces, Tolerance};
 use super::{Error, Gather};
 use crate::base::Aabb;
-use crate::pages::{Neighbour, Neighbours, Query, Store};
+use crate::pages::{ALWAYS, Neighbour, Neighbours, Query, Store};
 
 /// How much farther than its middle pixel a group looks.
 const AHEAD: f32 = 1.5;
@@ -160,7 +161,7 @@ impl<'a> Shared<'a> {
         &self,
         spots: &[Spot],
         scratch: &mut Scratch,
-        value: &impl Fn(Beam) -> Option<[i64; 2]>,
+        value: &impl Fn(Beam) -> [i64; 2],
         recorded: Option<&mut Recorded>,
         mut each: impl FnMut(&Spot, Found<'_>),
     ) -> Result<(), Error> {
@@ -198,7 +199,7 @@ impl<'a> Shared<'a> {
                     reach_m
                 }
             };
-            if !self.load(&group, reach_m, scratch, value)? {
+            if !self.load(&group, (reach_m, &ALWAYS), scratch, value)? {
                 halves(&mut jobs, Some(reach_m));
                 continue;
             }
@@ -237,19 +238,19 @@ impl<'a> Shared<'a> {
         }
     }
 
-    /// Does again what was recorded, for the photons that `value` lets through now.
+    /// Does again what was recorded, for the photons of some timesteps.
     pub fn again(
         &self,
         spots: &[Spot],
         scratch: &mut Scratch,
-        value: &impl Fn(Beam) -> Option<[i64; 2]>,
-        recorded: &Recorded,
+        value: &impl Fn(Beam) -> [i64; 2],
+        (recorded, timesteps): (&Recorded, &Range<u32>),
         mut each: impl FnMut(&Spot, Found<'_>),
     ) -> Result<(), Error> {
         for (number, (numbers, reach_m)) in recorded.groups.iter().enumerate() {
             let group: Vec<Spot> = numbers.iter().map(|&n| spots[n as usize]).collect();
             // No more photons than last time: they fit.
-            if !self.load(&group, *reach_m, scratch, value)? {
+            if !self.load(&group, (*reach_m, timesteps), scratch, value)? {
                 continue;
             }
             let known = |at: usize| match recorded.discs[numbers[at] as usize] {
@@ -312,14 +313,14 @@ impl<'a> Shared<'a> {
         &self,
         spot: &Spot,
         scratch: &'s mut Scratch,
-        value: &impl Fn(Beam) -> Option<[i64; 2]>,
+        value: &impl Fn(Beam) -> [i64; 2],
     ) -> Result<Found<'s>, Error> {
         let Scratch { pilot: found, loaded, candidates, .. } = scratch;
         self.store.nearest(&self.query(spot), found)?;
         loaded.clear();
         for n in found.items() {
             let beam = Beam { flux_w: n.flux_w, cos: n.cos, timestep: n.timestep };
-            let [e, e_n] = value(beam).unwrap_or_default();
+            let [e, e_n] = value(beam);
             let light = Light { surface: e, normal: e_n, index: n.index, timestep: n.timestep };
             loaded.push(spot.position, spot.normal, light);
         }
@@ -338,13 +339,13 @@ impl<'a> Shared<'a> {
         Ok(Found { disc: self.disc(bound, |_| 1.0), loaded, candidates })
     }
 
-    /// Loads the photons within reach of a group; false where they are too many.
+    /// Loads the photons of some timesteps within reach of a group; false where they are too many.
     fn load(
         &self,
         group: &[Spot],
-        reach_m: f32,
+        (reach_m, timesteps): (f32, &Range<u32>),
         scratch: &mut Scratch,
-        value: &impl Fn(Beam) -> Option<[i64; 2]>,
+        value: &impl Fn(Beam) -> [i64; 2],
     ) -> Result<bool, Error> {
         let around = Aabb::around(group.iter().map(|s| s.position));
         // Beyond the reach by more than rounding.
@@ -355,7 +356,7 @@ impl<'a> Shared<'a> {
         let loaded = &mut scratch.loaded;
         loaded.clear();
         let mut too_many = false;
-        self.store.lit_in_box(region, |index, position, normal, light| {
+        self.store.lit_in_box(region, timesteps, |index, position, normal, light| {
             if around.distance_squared(position) > wide * wide
                 || alone.is_some_and(|n| normal.dot(n) < self.tolerance.normal_cos)
             {
@@ -366,9 +367,8 @@ impl<'a> Shared<'a> {
                 return false;
             }
             let timestep = light.timestep;
-            if let Some([e, e_n]) = value(Beam { flux_w: light.flux_w, cos: light.cos, timestep }) {
-                loaded.push(position, normal, Light { surface: e, normal: e_n, index, timestep });
-            }
+            let [e, e_n] = value(Beam { flux_w: light.flux_w, cos: light.cos, timestep });
+            loaded.push(position, normal, Light { surface: e, normal: e_n, index, timestep });
             true
         })?;
         Ok(!too_many)

@@ -14,6 +14,7 @@ use super::folder::Folder;
 use super::job::Stage;
 use super::manifest::Manifest;
 use super::resolve::Resolved;
+use super::stages::AIR_SPILL;
 use super::units::{stage_of, units};
 
 /// What a file or folder below `run/` belongs to.
@@ -160,6 +161,9 @@ fn sort_out(
                 add(Part::Unfinished, series);
             }
             add(Part::Unfinished, folder.waiting_tiles(&candidate.name, &view.name));
+        }
+        for set in &resolved.sensors {
+            add(Part::Unfinished, folder.map(&candidate.name, &set.name, AIR_SPILL));
         }
     }
     Ok(found)

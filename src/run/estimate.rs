@@ -153,6 +153,8 @@ pub fn estimate(resolved: &Resolved, memory_bytes: u64) -> Result<Estimate, Erro
     let mut neighbours = (0.0, 0.0);
     let mut series = 0.0;
     let mut direct = 0.0;
+    // Photons that cross receivers in free air, if all of them stand there.
+    let mut air = 0.0;
     let mut of_views = Vec::new();
     for v in resolved.with_sensors() {
         let p = resolved.pixels(v) as f64;
@@ -165,6 +167,9 @@ pub fn estimate(resolved: &Resolved, memory_bytes: u64) -> Result<Estimate, Erro
             continue;
         }
         let k = v.series_bandwidth.unwrap_or_else(|| (3 * timeline.steps.len()).max(4000)) as f64;
+        if v.points.is_some() {
+            air += (p * k.max(10_000.0)).min(stored);
+        }
         neighbours.0 += p * size::LIT_PIXELS * v.annual.bandwidth as f64;
         neighbours.1 += p * size::LIT_PIXELS * k;
         // A fused view keeps no series.
@@ -219,7 +224,12 @@ pub fn estimate(resolved: &Resolved, memory_bytes: u64) -> Result<Estimate, Erro
             Stage::Render,
             format!("{pixels} pixels, {} timesteps, {candidates} materials", steps),
             all,
-            (series * candidates + maps, pixels * steps * 4.0 * candidates + maps),
+            (
+                series * candidates + maps,
+                pixels * steps * 4.0 * candidates
+                    + maps
+                    + air * candidates * (size::SPILLED + size::STORED_BOUND),
+            ),
             300e6 + largest * 120.0,
             pixels / rate::HIT_PIXELS_PER_S
                 + pixels / rate::BACKGROUND_PIXELS_PER_S

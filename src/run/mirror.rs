@@ -74,8 +74,10 @@ pub struct Assumptions {
     pub refraction: bool,
     /// Whether ridges beyond the scene hide the sun.
     pub far_horizon: bool,
-    /// Suns of the year.
+    /// Suns of the year, as one every five minutes tells.
     pub suns: usize,
+    /// Suns that were worked out: one every five minutes, all that come near.
+    pub worked_out: usize,
     /// In words.
     pub note: &'static str,
 }
@@ -196,6 +198,7 @@ pub fn mirror(
             refraction: asked.refraction,
             far_horizon: resolved.horizon.is_some(),
             suns: rule.suns(),
+            worked_out: rule.worked_out(),
             note: NOTE,
         },
         surfaces: teller.surfaces,

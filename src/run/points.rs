@@ -65,6 +65,15 @@ pub struct PointSet {
     pub groups: Vec<Group>,
 }
 
+impl PointSet {
+    /// What a point that stands in free air sees of the PV; `None` for others.
+    pub(super) fn in_air(&self, point: usize) -> Option<Option<PvInView>> {
+        let group = self.groups.iter().rfind(|g| g.first <= point)?;
+        let at = point - group.first;
+        (group.footing.get(at) == Some(&Footing::Air)).then(|| group.pv.get(at).copied().flatten())
+    }
+}
+
 /// Points before they are looked up in the scene.
 #[derive(Debug, Default)]
 pub(super) struct Points {
@@ -102,7 +111,7 @@ pub fn receivers(resolved: &Resolved, site: &Site) -> Result<Vec<String>, Error>
         let count = |footing| placed.footing.iter().filter(|f| **f == footing).count();
         let seen = placed.pv.iter().flatten().count();
         lines.push(format!(
-            "receiver {name}: {} points, {} on surfaces, {} in free air (not evaluated), {seen} see PV",
+            "receiver {name}: {} points, {} on surfaces, {} in free air, {seen} see PV",
             sensors.len(),
             count(Footing::Surface),
             count(Footing::Air),

@@ -8,7 +8,9 @@ use serde::Serialize;
 use super::clock::Clock;
 use super::error::Error;
 use super::folder::Folder;
+use super::points::PointSet;
 use super::resolve::{PlannedView, Resolved};
+use super::stages::{Crossings, read_points};
 use crate::base::Timeline;
 use crate::pages::{Access, Neighbours, OpenOptions, Query, Store};
 use crate::render::{Hit, HitMap};
@@ -30,7 +32,7 @@ pub struct Probed {
     pub view: String,
     /// Column and row.
     pub pixel: [usize; 2],
-    /// What lies there: receiver, sky, pv, ….
+    /// What lies there: receiver, sky, pv, air, ….
     pub kind: String,
     /// Where the pixel's ray lands, m from the local origin.
     pub position: [f32; 3],
@@ -111,6 +113,7 @@ pub fn probe(resolved: &Resolved, view: &str, spot: Spot) -> Result<Probed, Erro
             wrong(format!("the spot lies outside the view \"{view}\" of {columns} x {rows} pixels"))
         })?;
     let hit = *hits.at(column, row);
+    let points = planned.points.as_ref().map(|_| read_points(&folder, planned)).transpose()?;
     let timeline = resolved.timeline()?;
     let mut materials = Vec::new();
     for candidate in &resolved.candidates {
@@ -126,16 +129,24 @@ pub fn probe(resolved: &Resolved, view: &str, spot: Spot) -> Result<Probed, Erro
                 &folder.at(&folder.store(&candidate.name)),
                 &OpenOptions { cache_bytes: 16 << 20, access: Access::Mapped },
             )?;
-            from = shares(&store, &hit, planned)?;
+            let names = &store.info().surfaces;
+            from = match points.as_ref().filter(|set| set.in_air(column).is_some()) {
+                Some(set) => in_air(&folder, &candidate.name, (set, planned), column, names)?,
+                None => shares(&store, &hit, planned)?,
+            };
         }
         materials.push(material(resolved, &timeline, &candidate.name, &values, from));
     }
+    let (kind, pv_distance_m) = match points.as_ref().and_then(|set| set.in_air(column)) {
+        Some(pv) => ("air", pv.map_or(0.0, |v| v.nearest_m as f32)),
+        None => (hit.kind.name(), hit.pv_distance_m),
+    };
     Ok(Probed {
         view: view.to_owned(),
         pixel: [column, row],
-        kind: hit.kind.name().to_owned(),
+        kind: kind.to_owned(),
         position: hit.position.to_array(),
-        pv_distance_m: hit.pv_distance_m,
+        pv_distance_m,
         materials,
     })
 }
@@ -155,6 +166,26 @@ fn pixel_of(view: &PlannedView, hits: &HitMap, spot: Spot) -> Option<(usize, usi
             (column >= 0.0 && row >= 0.0).then_some((column as usize, row as usize))
         }
     }
+}
+
+/// What crossed a receiver in free air.
+fn in_air(
+    folder: &Folder,
+    candidate: &str,
+    set: (&PointSet, &PlannedView),
+    point: usize,
+    names: &[String],
+) -> Result<BTreeMap<String, f64>, Error> {
+    let mut shares: BTreeMap<String, f64> = BTreeMap::new();
+    if let Some(crossings) = Crossings::open(folder, candidate, set, 16 << 20)? {
+        crossings.photons(point, |_, flux_w, surface| {
+            let name = names.get(usize::from(surface)).cloned().unwrap_or_default();
+            *shares.entry(name).or_default() += f64::from(flux_w);
+        })?;
+    }
+    let total: f64 = shares.values().sum();
+    shares.values_mut().for_each(|share| *share /= total);
+    Ok(shares)
 }
 
 fn shares(store: &Store, hit: &Hit, view: &PlannedView) -> Result<BTreeMap<String, f64>, Error> {

@@ -1,11 +1,12 @@
 //! What arrives at observers, regions and sensors: numbers for verdicts, sentences and charts.
 
+mod told;
+
 use std::collections::BTreeMap;
 
-use serde::{Deserialize, Serialize};
-
 use super::error::Error;
-use super::points::{Group, Kind};
+use super::points::Group;
+use super::stages::Crossings;
 use crate::base::limits::TILE_EDGE;
 use crate::glare::{Lengths, Run, SpotGlare, margins, runs, spot};
 use crate::pages::{Neighbours, Query, Store};
@@ -13,112 +14,14 @@ use crate::render::HitMap;
 use crate::render::sensors::{Footing, PvInView};
 use crate::volume::{TimeAxis, Volume};
 
-/// Why nothing is said about points in free air.
-const IN_AIR: &str = "it lies in free air, where photons pass without landing; this version can't \
-                      count what passes: place it on a surface (a wall, the ground)";
+pub use told::{AtThreshold, Banded, Episode, GroupReceived, Received};
+
 /// Points of a group whose photons are asked which PV surface sent them.
 const ASKED_POINTS: usize = 12;
 /// Episodes that are kept for each threshold.
 const EPISODES: usize = 10;
 /// Standard errors between a value and the ends of its band.
 const BAND: f64 = 2.0;
-
-/// `receivers.json`
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
-pub struct Received {
-    /// Which clock `between_h` means: the site's time zone.
-    pub clock: String,
-    /// In the order of the points.
-    pub groups: Vec<GroupReceived>,
-}
-
-/// What arrives at an observer, a region, or a file of sensors.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct GroupReceived {
-    /// As in the project file.
-    pub name: String,
-    /// What it is.
-    pub kind: Kind,
-    /// Why nothing can be said; then all that follows means nothing.
-    pub not_evaluated: Option<String>,
-    /// What a reader should know of how it was made.
-    pub notes: Vec<String>,
-    /// Points on surfaces; all others are left out.
-    pub points: usize,
-    /// The area that they stand for, m2; 0 where they stand for none.
-    pub area_m2: f64,
-    /// What the point nearest to the PV, or that with the widest view of it, sees.
-    pub pv: Option<PvInView>,
-    /// Largest radiant exposure of the year, Wh/m2.
-    pub annual_max_wh_m2: f64,
-    /// The same, averaged over the area (over the points where they have none).
-    pub annual_mean_wh_m2: f64,
-    /// Largest irradiance, W/m2.
-    pub peak_w_m2: f64,
-    /// Its timestep.
-    pub peak_at: usize,
-    /// The irradiance that is exceeded for 30 minutes on the worst day, W/m2.
-    pub exceeded_30min_w_m2: f64,
-    /// The irradiance that is exceeded for 50 hours of the year, W/m2.
-    pub exceeded_50h_w_m2: f64,
-    /// Share of the flux near its brightest points, by PV surface.
-    pub surfaces: BTreeMap<String, f64>,
-    /// In the order of the project's thresholds.
-    pub thresholds: Vec<AtThreshold>,
-}
-
-/// A value and the band in which it lies by the noise of its photons.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
-pub struct Banded {
-    /// The value.
-    pub value: f64,
-    /// Where all irradiances are two standard errors lower.
-    pub low: f64,
-    /// Where all irradiances are two standard errors higher.
-    pub high: f64,
-}
-
-/// Glare above one threshold.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct AtThreshold {
-    /// W/m2.
-    pub threshold_w_m2: f64,
-    /// Hours of the year at the point with the most, h.
-    pub hours: Banded,
-    /// The longest run at the point with the longest, h.
-    pub longest_run_h: Banded,
-    /// The most glare of one day at the point with the most, h.
-    pub longest_day_h: Banded,
-    /// That day, 0 is 1 January.
-    pub longest_day: u32,
-    /// Months with glare at the point with the most of them.
-    pub months: usize,
-    /// Hours of the year after the filter in time, at the point with the most, h.
-    pub filtered_hours: f64,
-    /// The longest run after the filter in time, at the point with the longest, h.
-    pub filtered_run_h: f64,
-    /// Of the area that is dazzled at any time, m2; of points without area 0.
-    pub area_m2: f64,
-    /// Share of the points that are dazzled at any time.
-    pub share: f64,
-    /// Times at which any of its points is dazzled.
-    pub anywhere: SpotGlare,
-    /// The longest of these times.
-    pub episodes: Vec<Episode>,
-}
-
-/// A time without a break during which some point of a group is dazzled.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Episode {
-    /// First timestep.
-    pub first: usize,
-    /// Last timestep, inclusive.
-    pub last: usize,
-    /// Largest irradiance, W/m2.
-    pub peak_w_m2: f64,
-    /// The PV surface that sends most of it, and its share.
-    pub surface: Option<(String, f64)>,
-}
 
 /// What one point receives.
 #[derive(Clone, Debug)]
@@ -136,7 +39,7 @@ pub struct PointReceived {
 pub struct Reading {
     /// For people and verdicts.
     pub group: GroupReceived,
-    /// For each point; none where it doesn't stand on a surface.
+    /// For each point; none where it stands on the PV.
     pub points: Vec<Option<PointReceived>>,
     /// W/m2.
     pub strongest: Vec<f32>,
@@ -156,8 +59,14 @@ pub struct Reader<'a> {
     pub civil: &'a TimeAxis,
     /// How long its timesteps last.
     pub lengths: Lengths,
-    /// Of the material.
-    pub store: &'a Store,
+    /// Of the material; none where nothing was made of photons.
+    pub store: Option<&'a Store>,
+    /// Of its points in free air, where they were counted there.
+    pub air: Option<&'a Crossings>,
+    /// Whether the series has no noise.
+    pub exact: bool,
+    /// Names of the PV surfaces.
+    pub surfaces: &'a [String],
     /// Photons of the series' search.
     pub bandwidth: usize,
     /// Its largest radius, m.
@@ -195,14 +104,14 @@ impl Reader<'_> {
         }
         let (by_step, total) = self.who(group, &points)?;
         let flux: f64 = total.values().sum();
-        let name = |surface: u16| {
-            let names = &self.store.info().surfaces;
-            names.get(usize::from(surface)).cloned().unwrap_or_default()
-        };
+        let name =
+            |surface: u16| self.surfaces.get(usize::from(surface)).cloned().unwrap_or_default();
         out.surfaces = total.iter().map(|(s, f)| (name(*s), f / flux)).collect();
         let surface: Vec<_> = (0..steps).map(|t| by_step.get(&t).and_then(main)).collect();
         for (i, at) in out.thresholds.iter_mut().enumerate() {
-            self.bands(group, &points, i, at)?;
+            if !self.exact {
+                self.bands(group, &points, i, at)?;
+            }
             let threshold = at.threshold_w_m2 as f32;
             let dazzles = |t: usize| self.counts[t] && strongest[t] > threshold;
             at.anywhere = spot(self.civil, &self.lengths, dazzles);
@@ -214,7 +123,8 @@ impl Reader<'_> {
         Ok(Reading { group: out, points, strongest, surface })
     }
 
-    /// Calls `each` with the number in the group and the series of its points on surfaces.
+    /// Calls `each` with the number in the group and the series of its points, but for those on
+    /// the PV.
     fn series(
         &self,
         group: &Group,
@@ -237,7 +147,7 @@ impl Reader<'_> {
             })?;
             for (series, number) in all.iter().zip(first..) {
                 let point = number - group.first;
-                if group.footing[point] == Footing::Surface {
+                if group.footing[point] != Footing::Pv {
                     each(point, series)?;
                 }
             }
@@ -269,13 +179,9 @@ impl Reader<'_> {
         let pv = group.footing.iter().filter(|f| **f == Footing::Pv).count();
         let mut notes = group.notes.clone();
         let whole = known().count();
-        for (count, where_) in [(air, "in free air"), (pv, "on the PV itself")] {
-            if count > 0 && whole > 0 {
-                notes.push(format!(
-                    "{count} of {} points lie {where_} and are left out",
-                    group.points()
-                ));
-            }
+        if pv > 0 && whole > 0 {
+            let all = group.points();
+            notes.push(format!("{pv} of {all} points lie on the PV itself and are left out"));
         }
         let area = |i: usize| group.area_m2[i];
         let area_m2: f64 = known().map(|(i, _)| area(i)).sum();
@@ -323,12 +229,10 @@ impl Reader<'_> {
         GroupReceived {
             name: group.name.clone(),
             kind: group.kind,
-            not_evaluated: (whole == 0).then(|| match pv > air {
-                true => "it lies on the PV itself".to_owned(),
-                false => IN_AIR.to_owned(),
-            }),
+            not_evaluated: (whole == 0).then(|| "it lies on the PV itself".to_owned()),
             notes,
             points: whole,
+            in_air: air,
             area_m2,
             pv: seen,
             annual_max_wh_m2: known().map(|(i, _)| annual(i)).fold(0.0, f64::max),
@@ -342,16 +246,26 @@ impl Reader<'_> {
         }
     }
 
-    /// The photons that a point's series was made from.
-    fn photons(&self, number: usize, found: &mut Neighbours) -> Result<(), Error> {
+    /// Calls `each` with timestep, flux and PV surface of the photons that a point's series was
+    /// made from.
+    fn photons(&self, number: usize, mut each: impl FnMut(u32, f32, u16)) -> Result<(), Error> {
         let hit = &self.hits.hits[number];
-        let query = Query {
-            point: hit.position,
-            normal: hit.normal,
-            count: self.bandwidth,
-            max_radius_m: self.max_radius_m,
-        };
-        Ok(self.store.nearest(&query, found)?)
+        match (self.store, self.air) {
+            (Some(store), _) if hit.kind.receives() => {
+                let query = Query {
+                    point: hit.position,
+                    normal: hit.normal,
+                    count: self.bandwidth,
+                    max_radius_m: self.max_radius_m,
+                };
+                let mut found = Neighbours::default();
+                store.nearest(&query, &mut found)?;
+                found.items().iter().for_each(|p| each(p.timestep, p.flux_w, p.surface));
+                Ok(())
+            }
+            (_, Some(air)) => air.photons(number, each),
+            _ => Ok(()),
+        }
     }
 
     /// Flux by timestep and PV surface around the points that receive most in the year, and by
@@ -371,15 +285,13 @@ impl Reader<'_> {
         let every = (order.len() - bright).div_ceil(ASKED_POINTS / 2).max(1);
         let asked: Vec<usize> =
             order[..bright].iter().chain(order[bright..].iter().step_by(every)).copied().collect();
-        let mut found = Neighbours::default();
         let (mut by_step, mut total) = (BTreeMap::new(), BTreeMap::new());
         for point in asked {
-            self.photons(group.first + point, &mut found)?;
-            for p in found.items() {
-                let step: &mut BTreeMap<u16, f64> = by_step.entry(p.timestep as usize).or_default();
-                *step.entry(p.surface).or_insert(0.0) += f64::from(p.flux_w);
-                *total.entry(p.surface).or_insert(0.0) += f64::from(p.flux_w);
-            }
+            self.photons(group.first + point, |timestep, flux_w, surface| {
+                let step: &mut BTreeMap<u16, f64> = by_step.entry(timestep as usize).or_default();
+                *step.entry(surface).or_insert(0.0) += f64::from(flux_w);
+                *total.entry(surface).or_insert(0.0) += f64::from(flux_w);
+            })?;
         }
         Ok((by_step, total))
     }
@@ -435,12 +347,10 @@ impl Reader<'_> {
 
     /// The glare of a point whose irradiances are all lower, and all higher, than they are.
     fn band(&self, group: &Group, point: usize, threshold: f64) -> Result<[SpotGlare; 2], Error> {
-        let mut found = Neighbours::default();
-        self.photons(group.first + point, &mut found)?;
         let mut counts: BTreeMap<usize, f64> = BTreeMap::new();
-        for p in found.items() {
-            *counts.entry(p.timestep as usize).or_insert(0.0) += 1.0;
-        }
+        self.photons(group.first + point, |timestep, _, _| {
+            *counts.entry(timestep as usize).or_insert(0.0) += 1.0;
+        })?;
         let series = self.volume.pixel(group.first + point, 0)?;
         let photons: f64 = counts.values().sum();
         let sum: f64 = series.iter().map(|v| f64::from(*v)).sum();

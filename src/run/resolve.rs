@@ -403,7 +403,7 @@ impl Resolved {
             let p = &self.project.photons;
             let scene = (self.scene_key()?, self.suns_key()?, &candidate.models);
             let sight = (p.max_path_m, p.sun_visibility);
-            let how = ("direct", sight, view.both, self.hits_key(view)?);
+            let how = ("direct", sight, (view.both, view.fuse), self.hits_key(view)?);
             let names = (&candidate.name, &view.name);
             return key_of("render", &(scene, how, &self.project.glare.quantity, names));
         }

@@ -136,6 +136,37 @@ impl Crowns {
         self.closest(origin, direction, f32::INFINITY, month, draw).is_none()
     }
 
+    /// For each month the first one in which all crowns let as much through.
+    pub fn alike(&self) -> [usize; 12] {
+        std::array::from_fn(|month| {
+            let same = |first: &usize| self.transmittance.iter().all(|t| t[*first] == t[month]);
+            (0..month).find(same).unwrap_or(month)
+        })
+    }
+
+    /// What a ray meets before it ends at `solid`, or at `max_m`: the first leaf of each crown, in
+    /// order, with the share of the light that passes the crown. The last is what is opaque.
+    pub fn along(
+        &self,
+        origin: Vec3,
+        direction: Vec3,
+        max_m: f32,
+        month: usize,
+    ) -> (Vec<(RayHit, f32)>, Option<RayHit>) {
+        let solid = self.solid.closest(origin, direction, 0.0, max_m);
+        let reach = solid.map_or(max_m, |hit| hit.distance_m);
+        let mut leaves = Vec::new();
+        self.each(origin, direction, reach, |crossing| {
+            let triangle = self.leaf_triangles[crossing.hit.triangle as usize];
+            let share = self.share(crossing.crown, month);
+            leaves.push((RayHit { triangle, ..crossing.hit }, share));
+            share > 0.0
+        });
+        let end = solid
+            .map(|hit| RayHit { triangle: self.solid_triangles[hit.triangle as usize], ..hit });
+        (leaves, end)
+    }
+
     fn share(&self, crown: u32, month: usize) -> f32 {
         self.transmittance[crown as usize][month % 12]
     }

@@ -112,6 +112,11 @@ impl Site {
         }
     }
 
+    /// For each month the first one in which [`Self::transmittance`] is the same.
+    pub fn months_alike(&self) -> [usize; 12] {
+        self.crowns.as_ref().map_or([0; 12], Crowns::alike)
+    }
+
     /// A scene from its parts: finds the extent and builds the hierarchy. The parts' indices
     /// must fit each other.
     pub fn from_parts(

@@ -16,6 +16,9 @@ const PHOTONS_A_SQUARE: f64 = 12.0;
 /// What is cut once for all suns may be finer by this factor, up to so many squares.
 const GROUND_SQUARES: usize = 8;
 const MOST_GROUND: usize = 2048;
+/// How much finer lobes are cut for gates, and how finely at least.
+const FINER: usize = 8;
+const LEAST_FINE: usize = 64;
 /// Share of draws that end early from which on cutting further isn't worth it.
 const WASTE: f64 = 0.02;
 
@@ -43,6 +46,11 @@ impl Target {
 pub(super) fn budget(photons: u64, pairs: usize) -> usize {
     let wanted = photons as f64 / pairs.max(1) as f64 / PHOTONS_A_SQUARE;
     if wanted < LEAST_SQUARES as f64 { 0 } else { (wanted as usize).min(MOST_SQUARES) }
+}
+
+/// The same where little of what is drawn may reach anything: cutting spares more than it costs.
+pub(super) fn fine_budget(photons: u64, pairs: usize) -> usize {
+    (FINER * budget(photons, pairs)).clamp(LEAST_FINE, MOST_SQUARES)
 }
 
 /// A square that may still be cut.

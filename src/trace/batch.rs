@@ -91,7 +91,8 @@ impl Tracer<'_> {
         progress: &dyn Progress,
     ) -> Result<(), Error> {
         let seed = self.emission.settings.seed;
-        let draw = Draw { purpose: Purpose::Photon, seed, emitted: plan.emitted };
+        let purpose = if self.gates.is_some() { Purpose::Gate } else { Purpose::Photon };
+        let draw = Draw { purpose, seed, emitted: plan.emitted };
         let count = |&unit: &u64| {
             let numbers = plan.unit(unit);
             numbers.end - numbers.start

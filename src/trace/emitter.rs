@@ -259,6 +259,12 @@ impl Emitter<'_> {
         self.lifted(a + (b - a) * u + (c - a) * v)
     }
 
+    /// Whether any point of a box lies above this side's plane.
+    pub(super) fn faces(&self, (low, high): &(DVec3, DVec3)) -> bool {
+        let n = self.frame.z;
+        n.dot(DVec3::select(n.cmpgt(DVec3::ZERO), *high, *low)) > self.floor_m
+    }
+
     /// `point` moved along the normal to where photons start.
     #[inline]
     pub(super) fn lifted(&self, point: DVec3) -> DVec3 {

@@ -1,8 +1,9 @@
 use glam::DVec3;
 
-use super::emitter::{Emitter, Pieces, reach_m};
+use super::emitter::{Emitter, Piece, Pieces, reach_m};
 use super::reach::Reach;
 use super::skyline::{Column, Skyline};
+use crate::base::Gate;
 use crate::site::Site;
 use crate::site::bsdf::Cone;
 
@@ -28,10 +29,13 @@ pub(super) struct Horizon {
     /// Tangent of the elevation, [`BINS`] for each piece.
     tangents: Vec<f32>,
     reach: Reach,
+    /// The same of what is mirrored at the horizontal: where all that can be reached is small, it
+    /// lies above something, too.
+    floor: Option<Box<Self>>,
 }
 
 /// Smallest and largest corner of a box, m.
-type Span = (DVec3, DVec3);
+pub(super) type Span = (DVec3, DVec3);
 
 /// The horizons of all emitters. With an infinite limit they tell where the sun and the open sky
 /// are; those are coarser, because all that they spare is a ray.
@@ -53,6 +57,42 @@ pub(super) fn horizons(site: &Site, emitters: &[Emitter], max_path_m: f64) -> Ve
             (i < allowed).then(build)
         })
         .collect()
+}
+
+/// The horizons of all emitters where gates are all that can be reached.
+pub(super) fn gate_horizons(
+    site: &Site,
+    emitters: &[Emitter],
+    gates: &[Gate],
+    max_path_m: f64,
+) -> Vec<Option<Horizon>> {
+    use rayon::prelude::*;
+    let spans: Vec<(Gate, Span)> = gates.iter().map(|gate| (*gate, span_of(gate))).collect();
+    let work = |emitter: &Emitter| (emitter.pieces.len() * gates.len()) as u64;
+    let mut left = MOST_WORK / 8;
+    let allowed: Vec<bool> = emitters
+        .iter()
+        .map(|emitter| {
+            let enough = work(emitter) <= left;
+            left = left.saturating_sub(work(emitter));
+            enough
+        })
+        .collect();
+    let rasters = if emitters.len() <= 32 { (256, 128) } else { (64, 32) };
+    emitters
+        .par_iter()
+        .zip(allowed)
+        .map(|(emitter, allowed)| {
+            allowed.then(|| Horizon::around(site, emitter, &spans, rasters, max_path_m))
+        })
+        .collect()
+}
+
+/// The box of a gate.
+pub(super) fn span_of(gate: &Gate) -> Span {
+    let n = gate.normal;
+    let half = (DVec3::ONE - n * n).max(DVec3::ZERO).map(f64::sqrt) * gate.radius_m;
+    (gate.centre - half, gate.centre + half)
 }
 
 /// A number that grows with the azimuth, from 0 (x axis) over 1 (y axis) to 4, without
@@ -77,17 +117,8 @@ impl Horizon {
         rasters: (usize, usize),
         max_path_m: f64,
     ) -> Self {
-        let margin_m = (1e-6 * reach_m(site)).max(1e-3);
-        let boxes: Vec<Span> = emitter
-            .pieces
-            .iter()
-            .map(|piece| {
-                let corners = piece.triangles.iter().flatten().map(|&p| emitter.lifted(p));
-                corners.fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(a, b), p| {
-                    (a.min(p - margin_m), b.max(p + margin_m))
-                })
-            })
-            .collect();
+        let margin_m = margin_m(site);
+        let boxes = boxes(emitter, margin_m);
         let all = boxes
             .iter()
             .fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(a, b), &(c, d)| (a.min(c), b.max(d)));
@@ -101,7 +132,40 @@ impl Horizon {
             tangents.extend(seen_from(&skyline, span, max_path_m + margin_m));
         }
         let reach = Reach::of(&tangents, rasters);
-        Self { tangents, reach }
+        Self { tangents, reach, floor: None }
+    }
+
+    /// The horizon where gates are all that can be reached. `gates` are boxes around them.
+    fn around(
+        site: &Site,
+        emitter: &Emitter,
+        gates: &[(Gate, Span)],
+        rasters: (usize, usize),
+        max_path_m: f64,
+    ) -> Self {
+        let margin_m = margin_m(site);
+        let boxes = boxes(emitter, margin_m);
+        let side = |mirrored: bool| {
+            let flip = |span: &Span| if mirrored { mirror(*span) } else { *span };
+            let mut tangents = vec![f32::NEG_INFINITY; boxes.len() * BINS];
+            for (span, tangents) in boxes.iter().zip(tangents.chunks_mut(BINS)) {
+                for (gate, around) in gates {
+                    if !emitter.faces(around) || !lies_before(gate, span, margin_m) {
+                        continue;
+                    }
+                    let (low, high) = flip(around);
+                    let (low, high) = (low - margin_m, high + margin_m);
+                    let plan = ([low.x, low.y], [high.x, high.y]);
+                    let view = View::at(plan, high.z, flip(span), max_path_m + margin_m);
+                    let Some(view) = view else { continue };
+                    for bin in view.bins() {
+                        tangents[bin] = tangents[bin].max(view.tangent);
+                    }
+                }
+            }
+            Self { reach: Reach::of(&tangents, rasters), tangents, floor: None }
+        };
+        Self { floor: Some(Box::new(side(true))), ..side(false) }
     }
 
     /// The pieces from which a direction may reach something.
@@ -109,11 +173,25 @@ impl Horizon {
     pub(super) fn reaching(&self, direction: DVec3) -> Pieces {
         let level = (direction.x * direction.x + direction.y * direction.y).sqrt();
         let column = self.reach.column(direction.x, direction.y, 0.0) as usize;
-        self.reach.at(0, column, self.reach.row(direction.z, level))
+        let below = self.reach.at(0, column, self.reach.row(direction.z, level));
+        match &self.floor {
+            None => below,
+            Some(floor) => below & floor.reaching(upside_down(direction)),
+        }
     }
 
     /// The pieces from which any direction of a cone may reach something.
     pub(super) fn reaching_cone(&self, cone: &Cone) -> Pieces {
+        let below = self.reaching_cone_below(cone);
+        match &self.floor {
+            Some(floor) if below != 0 => {
+                below & floor.reaching_cone_below(&cone.about(upside_down(cone.axis)))
+            }
+            _ => below,
+        }
+    }
+
+    fn reaching_cone_below(&self, cone: &Cone) -> Pieces {
         let d = cone.axis;
         let level = d.x.hypot(d.y);
         // Sine and cosine of the lowest elevation.
@@ -137,7 +215,40 @@ impl Horizon {
     #[inline]
     pub(super) fn clears(&self, piece: usize, direction: DVec3) -> bool {
         clears(&self.tangents[piece * BINS..(piece + 1) * BINS], direction)
+            || self.floor.as_ref().is_some_and(|f| f.clears(piece, upside_down(direction)))
     }
+}
+
+/// A direction, mirrored at the horizontal.
+fn upside_down(d: DVec3) -> DVec3 {
+    DVec3::new(d.x, d.y, -d.z)
+}
+
+fn mirror((low, high): Span) -> Span {
+    (DVec3::new(low.x, low.y, -high.z), DVec3::new(high.x, high.y, -low.z))
+}
+
+/// By how much boxes are larger than they are, m: more than the rounding of rays to f32.
+fn margin_m(site: &Site) -> f64 {
+    (1e-6 * reach_m(site)).max(1e-3)
+}
+
+/// Boxes around where photons start from each piece.
+fn boxes(emitter: &Emitter, margin_m: f64) -> Vec<Span> {
+    let around = |piece: &Piece| {
+        let corners = piece.triangles.iter().flatten().map(|&p| emitter.lifted(p));
+        corners.fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(a, b), p| {
+            (a.min(p - margin_m), b.max(p + margin_m))
+        })
+    };
+    emitter.pieces.iter().map(around).collect()
+}
+
+/// Whether any point of a box lies on the side of a gate that light is counted on.
+fn lies_before(gate: &Gate, (low, high): &Span, margin_m: f64) -> bool {
+    let n = gate.normal;
+    let farthest = DVec3::select(n.cmpgt(DVec3::ZERO), *high, *low);
+    n.dot(farthest - gate.centre) > -margin_m
 }
 
 #[inline]
@@ -188,7 +299,16 @@ impl View {
         if top_m == f64::NEG_INFINITY {
             return None;
         }
-        let (low, high) = skyline.square_m(column);
+        Self::at(skyline.square_m(column), top_m, span, max_path_m)
+    }
+
+    /// How what lies over a rectangle of the map, at or below `top_m`, may look from a box.
+    fn at(
+        (low, high): ([f64; 2], [f64; 2]),
+        top_m: f64,
+        span: Span,
+        max_path_m: f64,
+    ) -> Option<Self> {
         // The differences of any point of the column and any of the box.
         let low_x = low[0] - span.1.x;
         let high_x = high[0] - span.0.x;

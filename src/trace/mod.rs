@@ -19,6 +19,11 @@
 //! the shadow on photons that would have flown towards the neighbourhood alone: the others aren't
 //! asked.
 //!
+//! [`Through`] gates in free air photons are sent in a run of their own, aimed at them alone: what
+//! lands, and what is stored of it, doesn't depend on who stands in the air. What can't cross a gate
+//! is [`Fate::NotSampled`] there, what lands before it does [`Fate::Escaped`].
+//!
+//! [`Fate::Escaped`]: crate::base::Fate::Escaped
 //! [`Fate::NotSampled`]: crate::base::Fate::NotSampled
 //! [`Chart`]: crate::site::bsdf::Chart
 
@@ -29,6 +34,7 @@ mod disc;
 mod emission;
 mod emitter;
 mod error;
+mod gates;
 mod horizon;
 mod path;
 mod pilot;
@@ -41,6 +47,7 @@ mod yields;
 pub use batch::{BATCH_PHOTONS, UnitSink, run, run_units};
 pub use emission::{Emission, Receivers, Settings};
 pub use error::Error;
+pub use gates::Through;
 pub use path::Tracer;
 pub use pilot::{Plan, plan};
 pub use replay::Retold;

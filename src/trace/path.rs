@@ -7,7 +7,8 @@ use super::aim::{self, Ground};
 use super::disc::Disc;
 use super::emission::{Emission, Receivers};
 use super::emitter::{Emitter, emitters};
-use super::horizon::{Horizon, horizons};
+use super::gates::{Gates, Through};
+use super::horizon::{Horizon, gate_horizons, horizons};
 use super::power::{Aim, Power, Shares, Sources};
 use super::replay::{Retold, lobe, word};
 use super::yields::Yields;
@@ -30,6 +31,8 @@ pub struct Tracer<'a> {
     max_path_m: f32,
     /// Month of each timestep from 0; empty where no crown changes with the season.
     months: Vec<u8>,
+    /// Where photons are recorded that cross a gate instead of those that land.
+    pub(super) gates: Option<Gates>,
 }
 
 /// What a range of photons came to.
@@ -82,21 +85,37 @@ impl<'a> Tracer<'a> {
     /// # Errors
     /// What [`Emission::check`] finds, and [`Error::NoFlux`].
     pub fn new(emission: &'a Emission<'a>) -> Result<Self, Error> {
-        Self::with(emission, true)
+        Self::with(emission, true, None)
+    }
+
+    /// Gets ready to send photons through gates in free air: only what may cross one is sent, and
+    /// what crosses is delivered, once for each gate that it crosses, instead of what lands.
+    /// `settings.stored` crossings are aimed at, with `most` photons sent.
+    ///
+    /// # Errors
+    /// What [`Emission::check`] finds, and [`Error::NoFlux`].
+    pub fn through(emission: &'a Emission<'a>, gates: &Through<'_>) -> Result<Self, Error> {
+        Self::with(emission, true, Some(Gates::of(gates)))
     }
 
     /// `cut`: whether lobes are cut into squares, or drawn as a whole.
-    fn with(emission: &'a Emission<'a>, cut: bool) -> Result<Self, Error> {
+    fn with(emission: &'a Emission<'a>, cut: bool, gates: Option<Gates>) -> Result<Self, Error> {
         emission.check()?;
         let timeline = emission.timeline;
         let disc = Disc::new(timeline.sun_diameter_deg);
         let emitters = emitters(emission.site, &emission.bsdfs);
         let yields = Yields::of(&emitters);
         let horizons_of = |max_path_m| horizons(emission.site, &emitters, max_path_m);
-        let horizons = horizons_of(emission.settings.max_path_m);
-        let budget = match cut {
-            true => aim::budget(emission.settings.stored, emitters.len() * timeline.steps.len()),
-            false => 0,
+        let max_path_m = emission.settings.max_path_m;
+        let horizons = match &gates {
+            None => horizons_of(max_path_m),
+            Some(gates) => gate_horizons(emission.site, &emitters, gates.all(), max_path_m),
+        };
+        let pairs = emitters.len() * timeline.steps.len();
+        let budget = match (cut, &gates) {
+            (false, _) => 0,
+            (true, None) => aim::budget(emission.settings.stored, pairs),
+            (true, Some(_)) => aim::fine_budget(emission.settings.stored, pairs),
         };
         let grounds: Vec<Ground> = emitters
             .iter()
@@ -133,6 +152,7 @@ impl<'a> Tracer<'a> {
             power,
             max_path_m,
             months,
+            gates,
         })
     }
 
@@ -180,8 +200,12 @@ impl<'a> Tracer<'a> {
                     let path = self.follow(&current, aim, each_w, &mut random);
                     out.tally.book(path.fate, path.left_w);
                     out.tally.over_bound += u64::from(path.weight > 1.0);
-                    if keep {
-                        out.photons.extend(self.photon(&current, aim, &path));
+                    match &self.gates {
+                        _ if !keep => {}
+                        None => out.photons.extend(self.photon(&current, aim, &path)),
+                        Some(gates) => {
+                            self.crossings(gates, &current, aim, &path, &mut out.photons);
+                        }
                     }
                 }
                 None => out.tally.book(Fate::Blocked, 0.0),
@@ -218,9 +242,24 @@ impl<'a> Tracer<'a> {
             let start = emitter.point(piece, random);
             flight.start = Some(start);
             let ways = (to_sun, direction);
-            let (fate, hit) = self.fly((aim.emitter, piece), start, ways, shares.step, random);
-            flight.hit = hit;
-            fate
+            let crosses = |reach_m: f32| {
+                self.gates.as_ref().is_none_or(|gates| gates.crossed(start, direction, reach_m))
+            };
+            if crosses(self.max_path_m) {
+                let (fate, hit) = self.fly((aim.emitter, piece), start, ways, shares.step, random);
+                flight.hit = hit;
+                match &self.gates {
+                    Some(_) if fate != Fate::Blocked => {
+                        match crosses(hit.map_or(self.max_path_m, |(distance_m, _)| distance_m)) {
+                            true => Fate::Stored,
+                            false => Fate::Escaped,
+                        }
+                    }
+                    _ => fate,
+                }
+            } else {
+                Fate::NotSampled
+            }
         };
         Path { fate, to_sun, weight: scattered.weight, left_w, flight: Some(flight) }
     }
@@ -243,6 +282,33 @@ impl<'a> Tracer<'a> {
             timestep: shares.step as u32,
             surface: self.emitters[aim.emitter].surface,
         })
+    }
+
+    /// What is recorded of a photon at the gates that it crosses before it lands.
+    #[inline]
+    fn crossings(
+        &self,
+        gates: &Gates,
+        shares: &Shares,
+        aim: &Aim,
+        path: &Path,
+        out: &mut Vec<Photon>,
+    ) {
+        let Some(flight) = path.flight.as_ref().filter(|_| path.fate == Fate::Stored) else {
+            return;
+        };
+        let Some(start) = flight.start else { return };
+        let reach_m = flight.hit.map_or(self.max_path_m, |(distance_m, _)| distance_m);
+        gates.each_crossed(start, flight.direction, reach_m, |position, normal| {
+            out.push(Photon {
+                position,
+                normal,
+                direction: -flight.direction.as_vec3(),
+                flux_w: path.left_w as f32,
+                timestep: shares.step as u32,
+                surface: self.emitters[aim.emitter].surface,
+            });
+        });
     }
 
     /// See [`Tracer::replay`]. `None` only where nothing can be sent at all.

@@ -13,6 +13,8 @@ const FIRST_ROUND: u64 = 32_768;
 /// Landed photons without which a pilot says nothing, and how many it sends before it gives up.
 const PILOT_LEAST: u64 = 64;
 const PILOT_PATIENCE: u64 = 1 << 24;
+/// Photons that may always be sent through gates.
+const LEAST_SENT: u64 = 1 << 24;
 /// Photons that a run may send.
 const MOST_EMITTED: f64 = (1_u64 << 48) as f64;
 
@@ -52,11 +54,17 @@ impl Tracer<'_> {
         let target = emission.settings.stored;
         let wanted = (target / 5 * 2).clamp(1000, PILOT_STORED);
         progress.begin("pilot", wanted, "landed photons");
+        if let Some(gates) = &tracer.gates {
+            let plan = self.gate_plan(gates.most(), wanted, progress);
+            progress.finish();
+            return plan;
+        }
         if tracer.total_w() <= 0.0 {
             // Nothing can be reached: there is no need to try.
             return Err(Error::nothing_lands(&tracer.dark(), emission.settings.max_path_m));
         }
-        let result = rounds(tracer, emission, wanted, progress);
+        let limits = Limits { wanted, most: PILOT_EMITTED, patient: false };
+        let result = rounds(tracer, emission, Purpose::Pilot, limits, progress);
         progress.finish();
         let tally = result?;
         let (sent, stored) = (tally.sent.photons, tally.stored.photons);
@@ -73,21 +81,56 @@ impl Tracer<'_> {
             pilot: tally,
         })
     }
+
+    /// Through gates as many are sent as cross them often enough, but `most` at most: a gate in the
+    /// shade of everything is no mistake, nor one that little light reaches.
+    fn gate_plan(&self, most: u64, wanted: u64, progress: &dyn Progress) -> Result<Plan, Error> {
+        let most = most.max(LEAST_SENT);
+        let mut tally = Tally::default();
+        let mut emitted = 1;
+        if self.total_w() > 0.0 {
+            let limits = Limits { wanted, most: most / 4, patient: true };
+            tally = rounds(self, self.emission, Purpose::GatePilot, limits, progress)?;
+            let each = tally.sent.photons as f64 / tally.stored.photons.max(1) as f64;
+            let needed = (self.emission.settings.stored as f64 * each).ceil();
+            emitted = (needed.min(most as f64) as u64).max(1);
+        }
+        Ok(Plan {
+            emitted,
+            pilot_emitted: tally.sent.photons,
+            pilot_stored: tally.stored.photons,
+            photon_w: self.total_w() / emitted as f64,
+            pilot: tally,
+        })
+    }
+}
+
+/// How long a pilot goes on.
+#[derive(Clone, Copy)]
+struct Limits {
+    /// Landed photons that are enough.
+    wanted: u64,
+    /// Photons to send at most.
+    most: u64,
+    /// Whether it goes on to the end though hardly anything lands.
+    patient: bool,
 }
 
 fn rounds(
     tracer: &Tracer,
     emission: &Emission,
-    wanted: u64,
+    purpose: Purpose,
+    limits: Limits,
     progress: &dyn Progress,
 ) -> Result<Tally, Error> {
+    let wanted = limits.wanted;
     let mut tally = Tally::default();
     let mut round = 0_u64;
     let mut size = FIRST_ROUND;
     loop {
         // Photons of different rounds must not share numbers: the round is part of the seed.
         let seed = emission.settings.seed.wrapping_add(round.wrapping_mul(0x9E37_79B9_7F4A_7C15));
-        let draw = Draw { purpose: Purpose::Pilot, seed, emitted: size };
+        let draw = Draw { purpose, seed, emitted: size };
         let found = send_all(tracer, draw, 0..size, false, &Quiet(progress), |_| Ok(()))?;
         tally.add(&found);
         progress.advance(found.stored.photons);
@@ -95,10 +138,10 @@ fn rounds(
         if stored >= wanted {
             return Ok(tally);
         }
-        if sent >= PILOT_PATIENCE && stored < PILOT_LEAST {
+        if !limits.patient && sent >= PILOT_PATIENCE && stored < PILOT_LEAST {
             return Err(Error::nothing_lands(&tally, emission.settings.max_path_m));
         }
-        if sent >= PILOT_EMITTED {
+        if sent >= limits.most {
             return Ok(tally);
         }
         // What is missing, by what was seen so far and a little more; without anything seen, four
@@ -109,7 +152,7 @@ fn rounds(
             let each = sent as f64 / stored as f64;
             (1.05 * each * (wanted - stored) as f64) as u64
         };
-        size = missing.clamp(BATCH_PHOTONS, 8 * size).min(PILOT_EMITTED);
+        size = missing.clamp(BATCH_PHOTONS, 8 * size).min(limits.most);
         round += 1;
     }
 }

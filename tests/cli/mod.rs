@@ -1,5 +1,6 @@
 //! The program as its users start it.
 
+mod air;
 mod bsdf;
 mod commands;
 mod folder;

@@ -60,7 +60,7 @@ fn the_command_names_what_it_can_t_do() {
     let folder = folder.to_str().expect("a name");
     for (arguments, words) in [
         (["--observer", "nobody"], "there are: 30 m west"),
-        (["--step", "7s"], "10 s to 1 h"),
+        (["--step", "7s"], "1 s to 1 h"),
         (["--step", "fast"], "expected a step"),
         (["--object", "nothing"], "no object of the scene"),
         (["--region", "nowhere"], "no [[region]] is named"),

@@ -12,5 +12,6 @@ mod direct;
 mod direct_borders;
 pub mod render;
 mod seasons;
+
 pub mod trace;
 mod weather;

@@ -4,8 +4,9 @@ use std::fs;
 
 use crate::support::program::{project, succeed};
 
-/// Mean annual exposure of the wall and of the ground before it, and the photons of each timestep.
-fn look(transmittance: Option<f64>) -> ([f64; 2], String) {
+/// Mean annual exposure of the wall and of the ground behind it, the photons of each timestep, and
+/// what direct integration gives behind the wall.
+fn look(transmittance: Option<f64>) -> ([f64; 2], String, Vec<f32>) {
     let (_keep, folder) = project("tiny");
     let path = folder.to_str().expect("a name");
     let file = folder.join("project.toml");
@@ -14,10 +15,12 @@ fn look(transmittance: Option<f64>) -> ([f64; 2], String) {
         // Only June is computed.
         format!("[[season]]\nmodifier = \"plaster\"\ntransmittance = [0,0,0,0,0,{t},0,0,0,0,0,0]\n")
     });
-    // Ground beyond the wall, where photons land that pass it.
+    // Ground beyond the wall, where photons land that pass it; two places on it without photons.
+    fs::write(folder.join("behind.txt"), "-17 -1 0 0 0 1\n-18 2 0 0 0 1\n").expect("writes");
+    let direct = "[[view]]\nname = \"exact\"\nsensors = \"behind.txt\"\nestimator = \"direct\"\n";
     let region =
         "[[region]]\nname = \"Behind\"\npolygon = [[-20, -6], [-15.2, -6], [-15.2, 6], [-20, 6]]\n";
-    fs::write(&file, format!("{before}\n{region}\n{season}")).expect("writes");
+    fs::write(&file, format!("{before}\n{direct}\n{region}\n{season}")).expect("writes");
     succeed(&["run", path, "--quiet", "--until", "glare", "--set", "photons.stored=40000"]);
     let text = fs::read_to_string(folder.join("run/standard/receivers/receivers.json"));
     let found: serde_json::Value = serde_json::from_str(&text.expect("reads")).expect("JSON");
@@ -29,20 +32,27 @@ fn look(transmittance: Option<f64>) -> ([f64; 2], String) {
     let store = folder.join("run/standard/photons.gmp");
     let store = store.to_str().expect("a name");
     let steps = succeed(&["inspect", store, "--per-timestep"]).out;
-    ([mean("The wall"), mean("Behind")], steps)
+    let exact = glintmap_formats::npy::Reader::open(&folder.join("run/standard/exact/annual.npy"))
+        .and_then(|reader| reader.read_all());
+    ([mean("The wall"), mean("Behind")], steps, exact.expect("numbers"))
 }
 
 #[test]
 fn a_crown_keeps_its_share_and_passes_the_rest() {
-    let (opaque, photons) = look(None);
+    let (opaque, photons, _) = look(None);
     // Written down as opaque, photon by photon the same.
-    let (closed, same) = look(Some(0.0));
+    let (closed, same, dark) = look(Some(0.0));
     assert_eq!((opaque, photons), (closed, same));
-    let (open, _) = look(Some(1.0));
-    let (half, _) = look(Some(0.4));
+    let (open, _, all) = look(Some(1.0));
+    let (half, _, part) = look(Some(0.4));
     println!("wall and ground behind: opaque {opaque:?}, half {half:?}, open {open:?}");
     assert!(opaque[0] > 0.0 && opaque[1] < 0.02 * open[1]);
     assert_eq!(open[0], 0.0);
+    // Without photons: the wall hides these places, or weakens their light to its share.
+    println!("behind: {dark:?}, {part:?} of {all:?} Wh/m2");
+    for ((dark, part), all) in dark.iter().zip(&part).zip(&all) {
+        assert!(*dark == 0.0 && *all > 0.0 && (part / all - 0.4).abs() < 1e-3);
+    }
     assert!((half[0] / opaque[0] - 0.6).abs() < 0.06, "{half:?} {opaque:?}");
     assert!((half[1] / open[1] - 0.4).abs() < 0.08, "{half:?} {open:?}");
 }

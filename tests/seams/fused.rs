@@ -48,6 +48,44 @@ fn a_fused_view_gives_what_the_series_gives() {
     }
 }
 
+/// The same for a view that is integrated directly.
+#[test]
+fn a_fused_direct_view_gives_what_the_series_gives() {
+    let direct = ["--set", "view.plan.estimator=\"direct\""];
+    let (_keep, written) = project("tiny");
+    run(&written, &direct);
+    let of = |folder: &Path, name: &str| {
+        let path = folder.join("run/standard/plan").join(name);
+        std::fs::read(&path).unwrap_or_else(|e| panic!("{}: {e}", path.display()))
+    };
+    for memory in ["1GiB", "48MiB"] {
+        let (_keep, fused) = project("tiny");
+        let more = ["--set", "view.plan.fuse=true", "--memory", memory];
+        run(&fused, &[&direct[..], &more].concat());
+        assert!(!fused.join("run/standard/plan/series.zarr").exists(), "no series is kept");
+        assert!(of(&written, "annual.npy") == of(&fused, "annual.npy"), "the year at {memory}");
+        for threshold in ["10", "30"] {
+            for file in [
+                "cumulative.npy",
+                "sustained.npy",
+                "longest_run.npy",
+                "events.csv",
+                "unfiltered/above_h.npy",
+                "unfiltered/longest_day_h.npy",
+                "unfiltered/exceeded_50h_w_m2.npy",
+            ] {
+                let name = format!("glare-{threshold}/{file}");
+                assert!(of(&written, &name) == of(&fused, &name), "{name} at {memory}");
+            }
+        }
+        let text = String::from_utf8(of(&fused, "glare-10/cumulative.npy")).err();
+        assert!(text.is_some_and(|e| e.as_bytes().contains(&1)), "something is lit");
+        let again = ["--set", "glare.thresholds_w_m2=[10.0, 20.0]", "--set", "view.plan.fuse=true"];
+        run(&fused, &[&direct[..], &again].concat());
+        assert!(fused.join("run/standard/plan/glare-20/cumulative.npy").exists());
+    }
+}
+
 #[test]
 fn what_makes_no_sense_is_refused_by_name() {
     let (_keep, folder) = project("tiny");

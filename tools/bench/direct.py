@@ -1,37 +1,47 @@
 """Direct integration against the photons on the case study: time, memory, how many pixels agree
-within 4 standard errors in annual irradiance, and how durations differ.
+within 4 standard errors in annual irradiance, and why durations differ.
 
     cargo build --release
     python tools/bench/direct.py                                          small, minutes
-    python tools/bench/direct.py --stored 250000000 --bandwidth 400 --plan 1000 --panorama 2000   the paper's
+    python tools/bench/direct.py --stored 250000000 --bandwidth 400 --plan 1000 --panorama 2000 \
+        --figure durations.png                                            the paper's
     python tools/bench/direct.py --only direct --plan 1000 --panorama 2000        the paper's, direct alone
-    python tools/bench/direct.py --only direct --days 0:364:1 --plan 250  a full year
-    python tools/bench/direct.py --figure durations.png                   where durations differ
+    python tools/bench/direct.py --only direct --days 0:364:1 --plan 250  a full year, fused
 
 Both run from the same project, one material at a time and in turn, into folders of their own;
-`--keep FOLDER` leaves them there. Compared are pixels that hold photons and whose search disc
-crosses no edge or shadow border, read off the noise-free map: within the disc it is nowhere 0 and
-varies by less than 1.3. Standard errors are those of `annual.exr`, as shares of the noise-free
-value. Durations are hours above the project's lower threshold, unfiltered. Needs numpy, scipy,
-OpenEXR, zarr (tools/requirements.txt), and matplotlib for the figure.
+`--keep FOLDER` leaves them there. `--store FOLDER` takes photons from a project's folder that was
+traced before (its materials that were, the rest is traced here): they are linked, not changed, and
+traced anew if they were made from other settings, which is said.
+
+Compared are pixels that hold photons and whose search disc crosses no edge or shadow border, read
+off the noise-free map: within the disc it is nowhere 0 and varies by less than 1.3. Standard errors
+are those of `annual.exr`, as shares of the noise-free value. Durations are hours above the
+project's lower threshold, unfiltered; durations.py says how their differences are explained. Memory
+is the largest of anonymous pages, from /proc (Linux). Needs numpy, scipy, OpenEXR, zarr
+(tools/requirements.txt), and matplotlib for the figure.
 """
 
 import argparse
+import json
 import os
 import re
 import shutil
 import subprocess
 import sys
 import tempfile
+import threading
 import time
 from pathlib import Path
 
 import numpy as np
 
+import durations
+
 ROOT = Path(__file__).resolve().parents[2]
 MATERIALS = ["standard", "satinated", "tile", "smooth"]
 VIEWS = ["plan", "panorama"]
 THRESHOLD_W_M2 = 10.0
+PAPER_H = 4.0
 
 
 def project_of(folder, material):
@@ -48,17 +58,59 @@ def project_of(folder, material):
     return folder
 
 
-def run(program, project, settings, threads):
-    command = [program, "run", project, "--until", "render", "--quiet"]
+def link_store(project, store, material):
+    """Links what another run of the same project traced."""
+    there, here = store.resolve() / "run", project / "run"
+    units = json.loads((there / "manifest.json").read_text())
+    kept = {n: u for n, u in units["units"].items() if n in (f"trace {material}", f"pages {material}")}
+    if len(kept) < 2 or (here / "manifest.json").exists():
+        return
+    for name in (name for unit in kept.values() for name in unit["outputs"]):
+        (here / name).parent.mkdir(parents=True, exist_ok=True)
+        (here / name).symlink_to(there / name)
+    (here / "manifest.json").write_text(json.dumps({**units, "units": kept}))
+
+
+def anonymous_mib(pid, most):
+    """Keeps the largest of a process's anonymous pages in `most[0]` until it ends."""
+    try:
+        while True:
+            for line in Path(f"/proc/{pid}/status").read_text().splitlines():
+                if line.startswith("RssAnon:"):
+                    most[0] = max(most[0], int(line.split()[1]) / 1024)
+            time.sleep(0.05)
+    except (FileNotFoundError, ProcessLookupError):
+        return
+
+
+def run(program, project, settings, threads, until="render"):
+    """CPU and wall seconds and MiB; the photons' share of the seconds if it traced."""
+    command = [program, "run", project, "--until", until, "--quiet"]
     command += ["--threads", str(threads)] if threads else []
     for setting in settings:
         command += ["--set", setting]
     began = time.monotonic()
     process = subprocess.Popen(command)
+    most = [0.0]
+    watch = threading.Thread(target=anonymous_mib, args=(process.pid, most), daemon=True)
+    watch.start()
     _, status, used = os.wait4(process.pid, 0)
+    took = time.monotonic() - began
+    watch.join(1)
     if status:
         sys.exit(f"{command}: {status}")
-    return used.ru_utime + used.ru_stime, time.monotonic() - began, used.ru_maxrss / 1024
+    return used.ru_utime + used.ru_stime, took, most[0]
+
+
+def traced_s(project):
+    """Seconds of tracing and sorting photons in the last run."""
+    lines = (project / "run/log/run.jsonl").read_text().splitlines()
+    sums = 0.0
+    for line in lines:
+        note = json.loads(line)
+        if str(note.get("unit", "")).startswith(("trace ", "pages ")):
+            sums += note.get("took_s", 0.0)
+    return sums
 
 
 def channels(path):
@@ -66,20 +118,6 @@ def channels(path):
 
     with OpenEXR.File(str(path)) as file:
         return {name: np.array(c.pixels) for name, c in file.channels().items()}
-
-
-def hours(path):
-    """Hours a year above the threshold."""
-    import zarr
-
-    store = zarr.open_group(str(path), mode="r")
-    weight_h = store["weight_h"][:]
-    values = next(a for _, a in store.arrays() if a.ndim == 3)
-    out = np.zeros(values.shape[1:])
-    for start in range(0, values.shape[0], 64):
-        part = values[start : start + 64] >= THRESHOLD_W_M2
-        out += np.tensordot(weight_h[start : start + 64], part, axes=1)
-    return out
 
 
 def window(values, radius, pick):
@@ -118,36 +156,9 @@ def compare(material, view, folders, metres):
     print(f"  {view}: {plain.sum()} of {(expected > 0).sum()} lit pixels compared, "
           f"{100 * (np.abs(off) <= 4).mean():.2f} % within 4 standard errors, mean {off.mean():+.3f} and "
           f"deviation {off.std():.2f} of them, sum ratio {ratio:.4f}; bound of the direct sum {100 * bound:.2f} %")
-    series = [hours(folders[name] / material / view / "series.zarr") for name in ["photons", "direct"]]
-    differs = series[0] - series[1]
-    lit = np.maximum(*series) > 0
-    both = lit & plain
-    print(f"    hours above {THRESHOLD_W_M2:g} W/m2: direct {series[1].sum() / max(lit.sum(), 1):.2f}, photons "
-          f"{series[0].sum() / max(lit.sum(), 1):.2f} on average of {lit.sum()} pixels; median difference "
-          f"{np.median(np.abs(differs[lit])) if lit.any() else 0:.2f} h, on compared ones "
-          f"{np.median(np.abs(differs[both])) if both.any() else 0:.2f} h")
-    return series, plain
-
-
-def figure(path, all_series):
-    import matplotlib
-
-    matplotlib.use("Agg")
-    import matplotlib.pyplot as plt
-
-    rows = len(all_series)
-    shape, axes = plt.subplots(rows, 3, figsize=(12, 3.2 * rows), squeeze=False)
-    for row, ((material, view), (series, _)) in zip(axes, all_series.items()):
-        most = max(np.percentile(s[s > 0], 99) if (s > 0).any() else 1 for s in series)
-        for axis, values, title in zip(row, [*series, series[0] - series[1]], ["photons", "direct", "photons - direct"]):
-            plain = "-" not in title
-            drawn = axis.imshow(values, cmap="viridis" if plain else "RdBu_r", vmin=0 if plain else -most / 2,
-                                vmax=most if plain else most / 2)
-            axis.set_title(f"{material}, {view}: {title}", fontsize=9)
-            axis.axis("off")
-            shape.colorbar(drawn, ax=axis, shrink=0.7, label="h")
-    shape.tight_layout()
-    shape.savefig(path, dpi=110)
+    found = durations.explain(folders["photons"], folders["direct"], material, view, THRESHOLD_W_M2)
+    found.tell(plain)
+    return found
 
 
 def main():
@@ -162,6 +173,7 @@ def main():
     parser.add_argument("--materials", nargs="+", default=MATERIALS, choices=MATERIALS)
     parser.add_argument("--threads", type=int)
     parser.add_argument("--figure", type=Path, help="PNG of the durations")
+    parser.add_argument("--store", type=Path, help="a project's folder with photons of the same settings")
     parser.add_argument("--keep", type=Path, help="folder that the runs stay in")
     arguments = parser.parse_args()
     common = [
@@ -180,22 +192,30 @@ def main():
         for material in arguments.materials:
             print(material, flush=True)
             folders = {}
+            fused = ["view.plan.fuse=true", "view.panorama.fuse=true"] if arguments.days else []
             for name in ["photons", "direct"]:
                 if arguments.only in (None, name):
                     project = project_of(Path(arguments.keep or folder) / f"{material}-{name}", material)
                     both = [f'view.{v}.estimator="{name}"' for v in VIEWS]
-                    cpu, wall, memory = run(arguments.glintmap, project, common + both, arguments.threads)
+                    if name == "photons" and arguments.store:
+                        link_store(project, arguments.store, material)
+                    cpu, wall, memory = run(arguments.glintmap, project, common + both + fused, arguments.threads)
                     total[name] += wall
-                    print(f"  {name}: {wall:.1f} s, {cpu:.1f} CPU s, {memory:.0f} MiB resident at most", flush=True)
+                    spent = traced_s(project) if name == "photons" else 0.0
+                    traced = f", of which {spent:.1f} s tracing" if spent else ""
+                    traced = traced or (", photons were there" if name == "photons" else "")
+                    print(f"  {name}: {wall:.1f} s{traced}, {cpu:.1f} CPU s, {memory:.0f} MiB anonymous at most", flush=True)
                     folders[name] = project / "run"
-            if len(folders) == 2:
+            if len(folders) == 2 and not fused:
                 for view, metres in [("plan", 200 / arguments.plan), ("panorama", None)]:
                     result = compare(material, view, folders, metres)
                     if result:
                         all_series[material, view] = result
-    print(f"all: photons {total['photons']:.0f} s, direct {total['direct']:.0f} s")
+    cores = arguments.threads or len(os.sched_getaffinity(0))
+    print(f"all {len(arguments.materials)} materials, both views, {cores} threads: photons {total['photons']:.0f} s, "
+          f"direct {total['direct']:.0f} s; the paper: {PAPER_H:g} h on 8 cores for one")
     if arguments.figure and all_series:
-        figure(arguments.figure, all_series)
+        durations.figure(arguments.figure, all_series)
 
 
 if __name__ == "__main__":

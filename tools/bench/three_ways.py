@@ -2,11 +2,13 @@
 
     cargo build --release
     python tools/bench/three_ways.py --glintmap target/release/glintmap [--stored 16000000]
+    python tools/bench/three_ways.py --glintmap target/release/glintmap --step 5min      a draft
 
 Every 7th day of 2025 in steps of 15 minutes (NREL's suns, a clear sky, broadband) for photons and
-direct, every minute of every day for the mirror rule. Prints a table in Markdown: hours a year and
-most minutes a day; for photons and direct above a threshold at the wall, with each material. Needs
-nothing but Python.
+direct, every minute of every day for the mirror rule and for `glintmap eyes`, which integrates as
+direct does, but for the plane across the observer's line of sight, and looks only when it must. Prints
+a table in Markdown: hours a year and most minutes a day above 10 W/m2, in brackets hours above 30.
+What is current in `--keep FOLDER` is not made again. Needs nothing but Python.
 """
 
 import argparse
@@ -72,11 +74,11 @@ thresholds_w_m2 = [10.0, 30.0]
 
 
 def call(*command):
-    began = time.process_time(), time.time()
+    began = time.time()
     done = subprocess.run([str(c) for c in command], capture_output=True, text=True)
     if done.returncode:
         sys.exit(f"{command}: {done.stderr}")
-    print(f"{' '.join(map(str, command[1:3]))}: {time.time() - began[1]:.1f} s", file=sys.stderr)
+    print(f"{' '.join(map(str, command[1:3]))}: {time.time() - began:.1f} s", file=sys.stderr)
     return done.stdout
 
 
@@ -85,10 +87,21 @@ def sensors(folder, material, view):
     return list(csv.DictReader(path.open()))
 
 
-def cell(row, threshold):
-    hours = float(row[f"hours_above_{threshold}"] or 0)
-    minutes = float(row[f"longest_day_min_above_{threshold}"] or 0)
-    return f"{hours:.0f} h, {minutes:.0f} min" if hours else "never"
+def cell(hours, minutes, hours_more):
+    if not hours:
+        return "never"
+    shown = lambda h: f"{h:.1f}" if h < 10 else f"{h:.0f}"
+    return f"{shown(hours)} h, {minutes:.0f} min ({f'{shown(hours_more)} h' if hours_more else 'never'})"
+
+
+def counted(row):
+    number = lambda name: float(row[name] or 0)
+    return cell(number("hours_above_10"), number("longest_day_min_above_10"), number("hours_above_30"))
+
+
+def swept(eye):
+    low, high = (eye["exceeded"][f"irradiance > {t} W/m2"] for t in (10, 30))
+    return cell(low["hours"], 60 * low["longest_day_h"], high["hours"])
 
 
 def main():
@@ -96,6 +109,7 @@ def main():
     parser.add_argument("--glintmap", required=True)
     parser.add_argument("--stored", type=int, default=1_000_000)
     parser.add_argument("--materials", nargs="*", default=["standard", "satinated", "smooth"])
+    parser.add_argument("--step", default="1min", help="of `eyes`, 10s to 60min")
     parser.add_argument("--keep", help="folder for the project and its run")
     asked = parser.parse_args()
     folder = Path(asked.keep or tempfile.mkdtemp())
@@ -103,25 +117,27 @@ def main():
     project(folder, asked.stored)
     mirrored = json.loads(call(asked.glintmap, "mirror", folder, "--json", "--quiet"))
     call(asked.glintmap, "run", folder, "--until", "glare", "--quiet")
-    swept = json.loads(call(asked.glintmap, "eyes", folder, "--json", "--quiet"))
+    materials = [part for m in asked.materials for part in ("--material", m)]
+    found = json.loads(call(asked.glintmap, "eyes", folder, "--json", "--quiet", "--step", asked.step, *materials))
     print("| observer | mirror rule |", end="")
-    columns = [(m, t) for m in asked.materials for t in (10, 30)]
-    for material, threshold in columns:
-        print(f" {material} > {threshold} W/m²: photons | direct | to the minute |", end="")
-    print("\n|---" * (2 + 3 * len(columns)) + "|")
-    for number, (name, _) in enumerate(OBSERVERS.items()):
+    for material in asked.materials:
+        print(f" {material}: photons | direct | every {asked.step} |", end="")
+    print("\n|---" + "|---" * (1 + 3 * len(asked.materials)) + "|")
+    for number, name in enumerate(OBSERVERS):
         year = next(r for r in mirrored["receivers"] if r["name"] == name)
-        never = year["days"] == 0
-        first = "never" if never else f"{year['hours']:.0f} h, {year['most_minutes']:.0f} min"
+        first = f"{year['hours']:.0f} h, {year['most_minutes']:.0f} min" if year["days"] else "never"
         print(f"| {name} | {first} |", end="")
-        for material, threshold in columns:
+        for material in asked.materials:
             for view in ("counted", "direct"):
-                print(f" {cell(sensors(folder, material, view)[number], threshold)} |", end="")
-            eye = next(e for e in swept["eyes"] if (e["observer"], e["material"]) == (name, material))
-            found = eye["exceeded"][f"irradiance > {threshold} W/m2"]
-            text = f"{found['hours']:.0f} h, {60 * found['longest_day_h']:.0f} min"
-            print(f" {text if found['hours'] else 'never'} |", end="")
+                print(f" {counted(sensors(folder, material, view)[number])} |", end="")
+            eye = next(e for e in found["eyes"] if (e["observer"], e["material"]) == (name, material))
+            print(f" {swept(eye)} |", end="")
         print()
+    print(f"\n{asked.stored} stored photons a material; looked at:", end="")
+    for material in asked.materials:
+        shares = [e["looked"] / found["instants"] for e in found["eyes"] if e["material"] == material]
+        print(f" {material} {100 * sum(shares) / len(shares):.0f} %", end="")
+    print(f" of {found['instants']} instants")
 
 
 if __name__ == "__main__":

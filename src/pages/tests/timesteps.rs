@@ -37,7 +37,17 @@ fn a_range_of_timesteps_gives_what_a_filter_gives() {
                 let each = |i: u64, p: &Photon| got.push((i, *p));
                 store.in_box_during(region, start..end, each).expect("reads");
                 let inside = during.iter().filter(|(_, p)| region.contains(p.position)).copied();
-                assert!(got == inside.collect::<Vec<_>>(), "{shape:?} {start}..{end} {region:?}");
+                let inside: Vec<(u64, Photon)> = inside.collect();
+                assert!(got == inside, "{shape:?} {start}..{end} {region:?}");
+                let mut lit = Vec::new();
+                store
+                    .lit_in_box(region, &(start..end), |i, place, normal, light| {
+                        lit.push((i, place, normal, light.timestep));
+                        true
+                    })
+                    .expect("reads");
+                let inside = inside.iter().map(|(i, p)| (*i, p.position, p.normal, p.timestep));
+                assert!(lit == inside.collect::<Vec<_>>(), "{shape:?} {start}..{end} {region:?}");
             }
         }
     }

@@ -1,3 +1,5 @@
+use std::ops::Range;
+
 use glam::DVec3;
 
 use super::cells::Cell;
@@ -6,12 +8,76 @@ use super::kernel::{Kernel, Point, Sums};
 use super::lobe::{POINTS, Place, Ways};
 use super::rule::{GOOD, Look, rule_error};
 use super::scene::Spot;
-use super::sight::{Rooted, WHOLE};
+use super::sight::{LitPart, Rooted};
 use super::suns::Suns;
 use crate::render::facet::Facet;
 
 /// Parts that a cell on a border of what the spot sees is asked in.
-pub(super) const SEEN_PARTS: u32 = 4;
+const SEEN_PARTS: usize = 4;
+/// What stands for a part that is wholly seen.
+pub(super) const SEEN: u16 = 1 << 15;
+
+/// What a spot sees of a triangle's asked cells.
+#[derive(Debug, Default)]
+pub(super) struct SeenCells {
+    /// Sums up to each cell of what is seen of its parts, in [`SEEN`]ths.
+    before: Vec<u64>,
+    /// Cells up to each whose parts aren't seen alike.
+    uneven_before: Vec<u32>,
+}
+
+impl SeenCells {
+    pub(super) fn clear(&mut self) {
+        self.before.clear();
+        self.before.push(0);
+        self.uneven_before.clear();
+        self.uneven_before.push(0);
+    }
+
+    /// Some cells more, of which all parts are seen by this much.
+    pub(super) fn push_even(&mut self, cells: usize, seen: u16) {
+        for _ in 0..cells {
+            self.push_parts([seen; SEEN_PARTS]);
+        }
+    }
+
+    /// One cell more.
+    pub(super) fn push_parts(&mut self, parts: [u16; SEEN_PARTS]) {
+        let last = |sum: Option<&u64>| sum.copied().unwrap_or(0);
+        let sum: u64 = parts.iter().map(|p| u64::from(*p)).sum();
+        self.before.push(last(self.before.last()) + sum);
+        let uneven = parts.iter().any(|p| *p != parts[0]);
+        let count = self.uneven_before.last().copied().unwrap_or(0);
+        self.uneven_before.push(count + u32::from(uneven));
+    }
+
+    pub(super) fn any(&self) -> bool {
+        self.before.last().is_some_and(|sum| *sum > 0)
+    }
+
+    /// What is seen of a cell, in [`SEEN`]ths of a part.
+    fn of(&self, i: usize) -> u64 {
+        self.before[i + 1] - self.before[i]
+    }
+
+    /// Share of some cells that is seen.
+    fn share(&self, cells: &Range<usize>) -> f32 {
+        let seen = self.before[cells.end] - self.before[cells.start];
+        seen as f32 / (usize::from(SEEN) * SEEN_PARTS * cells.len()) as f32
+    }
+
+    /// Share of some cells whose parts aren't seen alike.
+    fn uneven(&self, cells: &Range<usize>) -> f32 {
+        let count = self.uneven_before[cells.end] - self.uneven_before[cells.start];
+        count as f32 / cells.len() as f32
+    }
+
+    /// Whether some cells are seen by the same share all over.
+    fn is_even(&self, cells: &Range<usize>) -> bool {
+        self.uneven_before[cells.end] == self.uneven_before[cells.start]
+            && cells.clone().all(|i| self.of(i) == self.of(cells.start))
+    }
+}
 /// Levels below the asked one.
 const DEEPER: u32 = 8;
 /// The sun's radius beside a lobe's width, squared: up to here a point does.
@@ -109,8 +175,8 @@ pub(super) struct Integral<'a> {
     pub spot: &'a Spot,
     /// The spot's normal, turned over, in the facet's frame.
     pub toward: [f32; 3],
-    /// How many parts of the root's asked cells the spot sees, summed up to each.
-    pub seen_before: &'a [u32],
+    /// What the spot sees of the root's asked cells.
+    pub seen: &'a SeenCells,
     pub scratch: &'a mut Scratch,
 }
 
@@ -135,7 +201,7 @@ impl Integral<'_> {
     }
 
     /// Range of the asked cells of a cell.
-    fn asked(&self, cell: &Cell) -> std::ops::Range<usize> {
+    fn asked(&self, cell: &Cell) -> Range<usize> {
         let asked = self.root.asked;
         if cell.level <= asked {
             let shift = 2 * (asked - cell.level);
@@ -146,26 +212,9 @@ impl Integral<'_> {
         }
     }
 
-    /// Part of a cell that the spot sees.
-    fn seen(&self, cell: &Cell) -> f32 {
-        let range = self.asked(cell);
-        let seen = self.seen_before[range.end] - self.seen_before[range.start];
-        seen as f32 / (SEEN_PARTS as usize * range.len()) as f32
-    }
-
-    /// Share of a cell's asked cells that are partly seen.
-    fn crossed(&self, cell: &Cell) -> f32 {
-        let asked = self.asked(cell);
-        let count = asked.len();
-        let partly = |&i: &usize| {
-            let seen = self.seen_before[i + 1] - self.seen_before[i];
-            seen > 0 && seen < SEEN_PARTS
-        };
-        asked.filter(partly).count() as f32 / count as f32
-    }
-
     fn descend(&mut self, cell: &Cell, suns: &[u32]) {
-        let share = self.seen(cell);
+        let asked = self.asked(cell);
+        let share = self.seen.share(&asked);
         if share == 0.0 || suns.is_empty() {
             return;
         }
@@ -174,8 +223,8 @@ impl Integral<'_> {
         let seen = Seen {
             look,
             share,
-            by_parts: share < 1.0 && whole,
-            error: if share < 1.0 { SEEN_ERROR * self.crossed(cell) / share } else { 0.0 },
+            by_parts: share < 1.0 && whole && !self.seen.is_even(&asked),
+            error: if share < 1.0 { SEEN_ERROR * self.seen.uneven(&asked) / share } else { 0.0 },
             deepest: cell.level >= self.root.asked + DEEPER,
             cell: *cell,
         };
@@ -184,7 +233,7 @@ impl Integral<'_> {
         finer.clear();
         if look.near > good && !seen.deepest {
             let lit = self.root.lit(cell);
-            finer.extend(suns.iter().filter(|&&sun| lit[sun as usize] > 0));
+            finer.extend(suns.iter().filter(|&&sun| !lit[sun as usize].is_dark()));
         } else {
             let mut classes = std::mem::take(&mut self.scratch.classes);
             match self.kernel.alpha() {
@@ -212,11 +261,11 @@ impl Integral<'_> {
     /// What part of a cell a sun lights, with the bound of the error in that as far as the
     /// integrand changes by `ratio` over the cell; `None`: its parts must be asked.
     #[inline]
-    fn lit(&self, seen: &Seen, lit: u8, ratio2: f32) -> Option<(f32, f32)> {
-        if lit == WHOLE {
-            return Some((1.0, 0.0));
+    fn lit(&self, seen: &Seen, lit: LitPart, ratio2: f32) -> Option<(f32, f32)> {
+        let part = lit.part();
+        if lit.is_even() {
+            return Some((part, 0.0));
         }
-        let part = f32::from(lit) / f32::from(WHOLE);
         if seen.cell.level >= self.root.asked {
             return Some((part, LIT_ERROR / part));
         }
@@ -241,14 +290,13 @@ impl Integral<'_> {
         let rule = rule_of(near);
         let error = seen.error + rule_error(rule, near);
         for &sun in suns {
-            match lit[sun as usize] {
-                0 => {}
-                part => match self.lit(seen, part, near * near) {
-                    Some((part, doubt)) => {
-                        classes[rule].push(sun, part, error + doubt);
-                    }
-                    None => finer.push(sun),
-                },
+            let part = lit[sun as usize];
+            if part.is_dark() {
+                continue;
+            }
+            match self.lit(seen, part, near * near) {
+                Some((part, doubt)) => classes[rule].push(sun, part, error + doubt),
+                None => finer.push(sun),
             }
         }
     }
@@ -272,7 +320,7 @@ impl Integral<'_> {
         let good = if seen.by_parts { PARTLY_SEEN } else { GOOD[2] };
         for &sun in suns {
             let i = sun as usize;
-            if lit[i] == 0 {
+            if lit[i].is_dark() {
                 continue;
             }
             let (dx, dy) = (self.suns.x[i] + look.out.x, self.suns.y[i] + look.out.y);
@@ -380,12 +428,13 @@ impl Integral<'_> {
     /// The middles of what the spot sees of a cell's parts, and their areas, m2.
     fn middles(&self, cell: &Cell) -> impl Iterator<Item = (DVec3, f64)> {
         cell.parts().into_iter().filter_map(|part| {
-            let share = self.seen(&part);
+            let asked = self.asked(&part);
+            let share = self.seen.share(&asked);
             let (mut middle, mut sum) = (part.middle(), 1.0);
             if share < 1.0 {
                 (middle, sum) = (DVec3::ZERO, 0.0);
-                for i in self.asked(&part) {
-                    let weight = f64::from(self.seen_before[i + 1] - self.seen_before[i]);
+                for i in asked {
+                    let weight = self.seen.of(i) as f64;
                     middle += self.root.middles[i] * weight;
                     sum += weight;
                 }

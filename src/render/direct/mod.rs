@@ -9,6 +9,7 @@
 
 mod cells;
 mod disc;
+mod fused;
 mod integral;
 mod kernel;
 mod lobe;
@@ -22,6 +23,7 @@ mod suns;
 mod tests;
 mod year;
 
+pub use fused::FusedDirect;
 pub use scene::{Direct, DirectScene, DirectScratch};
 pub use series::{DirectSinks, DirectSummary, TileYear, direct_series};
 pub use sight::PvSight;

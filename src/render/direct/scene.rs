@@ -1,8 +1,10 @@
+use std::ops::Range;
+
 use glam::DVec3;
 
 use super::cells::Cell;
 use super::disc::Disc;
-use super::integral::{DISCS, Integral, SEEN_PARTS, Scratch, disc_places};
+use super::integral::{DISCS, Integral, SEEN, Scratch, SeenCells, disc_places};
 use super::kernel::Kernel;
 use super::lobe::Place;
 use super::sight::{PvSight, Rooted};
@@ -52,26 +54,20 @@ pub struct Direct<'a> {
     disc: Disc,
     /// Places on the disc by the way in which it is looked at.
     places: [Vec<Place>; DISCS],
-    /// By facet: the numbers of its suns.
-    all: Vec<Vec<u32>>,
+    /// By facet: the numbers of its suns, by the month in which crowns let as much through.
+    by_month: Vec<Vec<(usize, Vec<u32>)>>,
 }
 
 /// Buffers of one thread, kept from spot to spot.
 #[derive(Debug, Default)]
 pub struct DirectScratch {
     scratch: Scratch,
-    seen_before: Vec<u32>,
-    at_node: Vec<Answer>,
+    seen: SeenCells,
+    /// How much of the light from each node of a lattice gets to the spot, in [`SEEN`]ths.
+    at_node: Vec<u16>,
 }
 
-/// What a node of a lattice said.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-enum Answer {
-    #[default]
-    NotAsked,
-    Hidden,
-    Seen,
-}
+const NOT_ASKED: u16 = u16::MAX;
 
 impl<'a> Direct<'a> {
     /// `sight` was made from the same scene and suns.
@@ -103,12 +99,19 @@ impl<'a> Direct<'a> {
             })
             .collect();
         let places = disc_places(&disc);
-        let all = sight.suns.iter().map(|suns| (0..suns.len() as u32).collect()).collect();
-        Ok(Self { scene, sight, kernels, disc, places, all })
+        let by_month = sight.suns.iter().map(|suns| {
+            let of = |month: usize| {
+                let all = 0..suns.len() as u32;
+                let own: Vec<u32> =
+                    all.filter(|i| usize::from(suns.month[*i as usize]) == month).collect();
+                (!own.is_empty()).then_some((month, own))
+            };
+            (0..12).filter_map(of).collect()
+        });
+        Ok(Self { by_month: by_month.collect(), scene, sight, kernels, disc, places })
     }
 
-    /// The year at a spot of a surface with its normal turned to where light may come from; `into`
-    /// is written over.
+    /// The year at a spot; see [`Self::part`].
     pub fn year(
         &self,
         position: DVec3,
@@ -116,16 +119,30 @@ impl<'a> Direct<'a> {
         buffers: &mut DirectScratch,
         into: &mut DirectYear,
     ) {
+        let all = 0..self.scene.timeline.steps.len() as u32;
+        self.part((position, normal), &all, buffers, into);
+    }
+
+    /// Some timesteps of the year at a spot of a surface with its normal turned to where light may
+    /// come from; `into` is written over. A timestep's numbers don't depend on which others are asked.
+    pub fn part(
+        &self,
+        (position, normal): (DVec3, DVec3),
+        timesteps: &Range<u32>,
+        buffers: &mut DirectScratch,
+        into: &mut DirectYear,
+    ) {
         into.clear(self.scene.timeline.steps.len());
         let spot = Spot { position, eye: position + normal * LIFT_M, normal };
         for (number, facet) in self.sight.facets.iter().enumerate() {
             let suns = &self.sight.suns[number];
-            if facet.before_m(spot.position) <= 0.0 || suns.len() == 0 {
+            let asked = suns.within(timesteps);
+            if facet.before_m(spot.position) <= 0.0 || asked.is_empty() {
                 continue;
             }
             for list in &mut buffers.scratch.arrived {
-                list.clear();
-                list.resize(suns.len(), 0.0);
+                list.resize(suns.len().max(list.len()), 0.0);
+                list[asked.clone()].fill(0.0);
             }
             let mut lit = false;
             for root in self.sight.roots.iter().filter(|root| root.facet == number) {
@@ -144,106 +161,109 @@ impl<'a> Direct<'a> {
                         max_path_m: self.scene.max_path_m,
                         sun_visibility: self.scene.sun_visibility,
                     };
-                    specular.add(&root.cell.corners, suns, into);
+                    specular.add(&root.cell.corners, suns, asked.clone(), into);
                 }
-                if self.kernels[number].is_empty() || !self.look_at(root, &spot, buffers) {
+                if self.kernels[number].is_empty() {
                     continue;
                 }
-                lit = true;
-                for kernel in &self.kernels[number] {
-                    let mut integral = Integral {
-                        facet,
-                        root,
-                        suns,
-                        kernel,
-                        disc: &self.disc,
-                        places: &self.places,
-                        spot: &spot,
-                        toward: facet.frame.local_from_world(-normal).as_vec3().to_array(),
-                        seen_before: &buffers.seen_before,
-                        scratch: &mut buffers.scratch,
-                    };
-                    integral.add(&self.all[number]);
+                for (month, list) in &self.by_month[number] {
+                    let at = |step| list.partition_point(|&i| suns.step[i as usize] < step);
+                    let list = &list[at(timesteps.start)..at(timesteps.end)];
+                    if list.is_empty() || !self.look_at(root, &spot, *month, buffers) {
+                        continue;
+                    }
+                    lit = true;
+                    for kernel in &self.kernels[number] {
+                        let mut integral = Integral {
+                            facet,
+                            root,
+                            suns,
+                            kernel,
+                            disc: &self.disc,
+                            places: &self.places,
+                            spot: &spot,
+                            toward: facet.frame.local_from_world(-normal).as_vec3().to_array(),
+                            seen: &buffers.seen,
+                            scratch: &mut buffers.scratch,
+                        };
+                        integral.add(list);
+                    }
                 }
             }
             if lit {
                 let [surface, normal, error] = &buffers.scratch.arrived;
-                for (i, &step) in suns.step.iter().enumerate() {
+                for i in asked {
                     let [s, n, e] = [surface[i], normal[i], error[i]].map(f64::from);
-                    into.add(step, s, n, e);
+                    into.add(suns.step[i], s, n, e);
                 }
             }
         }
     }
 
-    /// Which parts of a triangle's asked cells the spot sees; whether there are any.
-    fn look_at(&self, root: &Rooted, spot: &Spot, buffers: &mut DirectScratch) -> bool {
-        let DirectScratch { seen_before, at_node, .. } = buffers;
-        seen_before.clear();
-        seen_before.push(0);
-        at_node.clear();
-        at_node.resize(root.lattice.len(), Answer::NotAsked);
-        self.look_into(&root.cell, root, spot, (seen_before, at_node));
-        seen_before.last().is_some_and(|&seen| seen > 0)
-    }
-
-    /// A cell whose corners say the same is seen, or hidden, as a whole; of others the parts are
-    /// asked, four for each asked cell.
-    fn look_into(
+    /// Which parts of a triangle's asked cells the spot sees in a month; whether there are any.
+    fn look_at(
         &self,
-        cell: &Cell,
         root: &Rooted,
         spot: &Spot,
-        (seen_before, at_node): (&mut Vec<u32>, &mut [Answer]),
-    ) {
-        let below = root.asked - cell.level;
-        if below <= SKIPPED_LEVELS {
-            let mut count = 0;
-            for node in cell.nodes {
-                let answer = &mut at_node[root.lattice.number(node)];
-                if *answer == Answer::NotAsked {
-                    let free = self.spot_sees(root.lattice.place(node), root.facet, spot);
-                    *answer = if free { Answer::Seen } else { Answer::Hidden };
-                }
-                count += u32::from(*answer == Answer::Seen);
-            }
-            let parts = SEEN_PARTS;
-            let each = match count {
-                0 => Some(0),
-                3 => Some(parts),
-                _ if below == 0 => {
-                    let sees = |part: &&Cell| self.spot_sees(part.middle(), root.facet, spot);
-                    Some(cell.parts().iter().filter(sees).count() as u32)
-                }
-                _ => None,
-            };
-            if let Some(each) = each {
-                let mut seen = seen_before.last().copied().unwrap_or(0);
-                for _ in 0..1_u32 << (2 * below) {
-                    seen += each;
-                    seen_before.push(seen);
-                }
-                return;
-            }
-        }
-        for part in cell.parts() {
-            self.look_into(&part, root, spot, (seen_before, at_node));
-        }
+        month: usize,
+        buffers: &mut DirectScratch,
+    ) -> bool {
+        let DirectScratch { seen, at_node, .. } = buffers;
+        seen.clear();
+        at_node.clear();
+        at_node.resize(root.lattice.len(), NOT_ASKED);
+        let sees = |place| self.spot_sees(place, root.facet, spot, month);
+        look_into(&root.cell, root, &sees, seen, at_node);
+        seen.any()
     }
 
-    fn spot_sees(&self, place: DVec3, facet: usize, spot: &Spot) -> bool {
+    /// How much of the light from a place gets to the spot, in [`SEEN`]ths.
+    fn spot_sees(&self, place: DVec3, facet: usize, spot: &Spot, month: usize) -> u16 {
         let start = self.sight.facets[facet].lifted(place);
         let way = spot.eye - start;
         let away_m = way.length();
         let towards = way / away_m;
-        let faces = spot.normal.dot(towards) < 0.0 && away_m < self.scene.max_path_m;
+        if spot.normal.dot(towards) >= 0.0 || away_m >= self.scene.max_path_m {
+            return 0;
+        }
         let end_m = (away_m - 0.5 * LIFT_M).max(0.0) as f32;
-        let bvh = &self.scene.site.bvh;
-        faces && !bvh.occluded(start.as_vec3(), towards.as_vec3(), 0.0, end_m)
+        let (start, towards) = (start.as_vec3(), towards.as_vec3());
+        let share = self.scene.site.transmittance(start, towards, end_m, month);
+        (share * f32::from(SEEN)).round() as u16
     }
 
     /// The suns.
     pub fn timeline(&self) -> &Timeline {
         self.scene.timeline
+    }
+}
+
+/// A cell whose corners say the same is seen, or hidden, as a whole; of others the parts are
+/// asked, four for each asked cell.
+fn look_into(
+    cell: &Cell,
+    root: &Rooted,
+    sees: &impl Fn(DVec3) -> u16,
+    seen: &mut SeenCells,
+    at_node: &mut [u16],
+) {
+    let below = root.asked - cell.level;
+    if below <= SKIPPED_LEVELS {
+        let said = cell.nodes.map(|node| {
+            let answer = &mut at_node[root.lattice.number(node)];
+            if *answer == NOT_ASKED {
+                *answer = sees(root.lattice.place(node));
+            }
+            *answer
+        });
+        if said.iter().all(|s| *s == said[0]) {
+            return seen.push_even(1 << (2 * below), said[0]);
+        }
+        if below == 0 {
+            return seen.push_parts(cell.parts().map(|part| sees(part.middle())));
+        }
+    }
+    for part in cell.parts() {
+        look_into(&part, root, sees, seen, at_node);
     }
 }

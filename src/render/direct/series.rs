@@ -1,3 +1,4 @@
+use std::ops::Range;
 use std::sync::Mutex;
 
 use glam::Vec3;
@@ -37,7 +38,7 @@ pub struct DirectSummary {
 }
 
 impl DirectSummary {
-    fn add(&mut self, other: &Self) {
+    pub(super) fn add(&mut self, other: &Self) {
         self.tiles_rendered += other.tiles_rendered;
         self.tiles_present += other.tiles_present;
         self.pixels += other.pixels;
@@ -77,31 +78,82 @@ pub fn direct_series(
     let total = Mutex::new(DirectSummary { tiles_present: present, ..Default::default() });
     let pixels: u64 = todo.iter().map(|tile| tile.pixels() as u64).sum();
     progress.begin("direct integration", pixels, "pixels");
-    let weights: Vec<f64> = direct.timeline().steps.iter().map(|s| s.weight_h).collect();
-    let buffers = || (DirectScratch::default(), DirectYear::default(), [Vec::new(), Vec::new()]);
-    todo.par_iter().try_for_each_init(buffers, |(scratch, year, entries), &tile| {
+    let tiles = Tiles::new(direct, hits);
+    todo.par_iter().try_for_each_init(Buffers::default, |buffers, &tile| {
+        let quantities = [Some(sinks.series.0), sinks.other.map(|(quantity, _)| quantity)];
+        let (summary, sums) = tiles.integrate(tile, &tiles.all(), quantities, buffers, progress)?;
+        let [entries, others] = &buffers.entries;
+        if let Some((_, other)) = sinks.other.filter(|(_, other)| !other.has(tile)) {
+            other.put(tile, others)?;
+        }
+        (sinks.keep)(tile, &sums)?;
+        sinks.series.1.put(tile, entries)?;
+        total.lock().unwrap_or_else(std::sync::PoisonError::into_inner).add(&summary);
+        progress.advance(tile.pixels() as u64);
+        Ok::<(), Error>(())
+    })?;
+    progress.finish();
+    Ok(total.into_inner().unwrap_or_else(std::sync::PoisonError::into_inner))
+}
+
+/// Buffers of a thread.
+#[derive(Default)]
+pub(super) struct Buffers {
+    scratch: DirectScratch,
+    year: DirectYear,
+    /// By quantity that was asked for, in the order of time, then of pixels.
+    pub entries: [Vec<SeriesEntry>; 2],
+}
+
+/// A view, tile by tile.
+pub(super) struct Tiles<'a> {
+    direct: &'a Direct<'a>,
+    hits: &'a HitMap,
+    pub order: Order<'a>,
+    weights_h: Vec<f64>,
+}
+
+impl<'a> Tiles<'a> {
+    pub(super) fn new(direct: &'a Direct<'a>, hits: &'a HitMap) -> Self {
+        let weights_h = direct.timeline().steps.iter().map(|s| s.weight_h).collect();
+        Self { direct, hits, order: Order::of(hits), weights_h }
+    }
+
+    /// All timesteps.
+    pub(super) fn all(&self) -> Range<u32> {
+        0..self.weights_h.len() as u32
+    }
+
+    /// Integrates some timesteps of a tile into the buffers.
+    pub(super) fn integrate(
+        &self,
+        tile: TileRect,
+        timesteps: &Range<u32>,
+        quantities: [Option<Quantity>; 2],
+        Buffers { scratch, year, entries }: &mut Buffers,
+        progress: &dyn Progress,
+    ) -> Result<(DirectSummary, TileYear), Error> {
         let mut summary = DirectSummary { tiles_rendered: 1, ..Default::default() };
         let zero = || vec![0.0_f32; tile.pixels()];
         let mut sums =
             TileYear { surface_wh_m2: zero(), normal_wh_m2: zero(), error_wh_m2: zero() };
         entries.iter_mut().for_each(Vec::clear);
-        for pixel in order.pixels(tile) {
+        for pixel in self.order.pixels(tile) {
             progress.check()?;
-            let hit = &hits.hits[order.index(tile, pixel)];
+            let hit = &self.hits.hits[self.order.index(tile, pixel)];
             let [position, normal] = [hit.position, hit.normal].map(Vec3::as_dvec3);
-            direct.year(position, normal, scratch, year);
+            self.direct.part((position, normal), timesteps, scratch, year);
             // A fixed order of sums.
             year.lit.sort_unstable();
             let (mut surface, mut facing, mut error) = (0.0, 0.0, 0.0);
             let first = entries[0].len();
             for &step in &year.lit {
                 let i = step as usize;
-                surface += year.surface_w_m2[i] * weights[i];
-                facing += year.normal_w_m2[i] * weights[i];
-                error += year.error_w_m2[i] * weights[i];
+                surface += year.surface_w_m2[i] * self.weights_h[i];
+                facing += year.normal_w_m2[i] * self.weights_h[i];
+                error += year.error_w_m2[i] * self.weights_h[i];
                 summary.most_error_w_m2 = summary.most_error_w_m2.max(year.error_w_m2[i]);
-                let asked = [Some(sinks.series), sinks.other];
-                for (list, (quantity, _)) in entries.iter_mut().zip(asked.into_iter().flatten()) {
+                for (list, quantity) in entries.iter_mut().zip(quantities.into_iter().flatten()) {
                     let value = match quantity {
                         Quantity::Surface => year.surface_w_m2[i],
                         Quantity::Normal => year.normal_w_m2[i],
@@ -122,15 +174,6 @@ pub fn direct_series(
         for list in entries.iter_mut() {
             list.sort_unstable_by_key(|e: &SeriesEntry| (e.timestep, e.pixel));
         }
-        if let Some((_, other)) = sinks.other.filter(|(_, other)| !other.has(tile)) {
-            other.put(tile, &entries[1])?;
-        }
-        (sinks.keep)(tile, &sums)?;
-        sinks.series.1.put(tile, &entries[0])?;
-        total.lock().unwrap_or_else(std::sync::PoisonError::into_inner).add(&summary);
-        progress.advance(tile.pixels() as u64);
-        Ok::<(), Error>(())
-    })?;
-    progress.finish();
-    Ok(total.into_inner().unwrap_or_else(std::sync::PoisonError::into_inner))
+        Ok((summary, sums))
+    }
 }

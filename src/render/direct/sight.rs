@@ -18,8 +18,47 @@ const MOST_ANSWERS: usize = 1 << 27;
 const PARTS: usize = 16;
 /// Levels between a cell and those parts.
 const PART_LEVELS: u32 = 2;
-/// What stands for all of a cell.
-pub(super) const WHOLE: u8 = u8::MAX;
+/// Part of a cell that a sun lights: in 32,767ths, and a bit where it isn't the same all over the
+/// cell.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(super) struct LitPart(u16);
+
+const ALL: u16 = 0x7fff;
+const UNEVEN: u16 = 0x8000;
+
+impl LitPart {
+    /// The mean of several; even if all of them are the same.
+    fn of<const N: usize>(parts: [Self; N]) -> Self {
+        if parts.iter().all(|p| *p == parts[0]) {
+            return parts[0];
+        }
+        let sum: u32 = parts.iter().map(|p| u32::from(p.0 & ALL)).sum();
+        let n = N as u32;
+        let mean = (sum + n / 2) / n;
+        // Not dark where anything is lit.
+        Self(mean.max(u32::from(sum > 0)) as u16 | if sum > 0 { UNEVEN } else { 0 })
+    }
+
+    fn even(share: f32) -> Self {
+        Self((share.clamp(0.0, 1.0) * f32::from(ALL)).round() as u16)
+    }
+
+    #[inline]
+    pub(super) fn is_dark(self) -> bool {
+        self.0 == 0
+    }
+
+    /// 0 to 1.
+    #[inline]
+    pub(super) fn part(self) -> f32 {
+        f32::from(self.0 & ALL) / f32::from(ALL)
+    }
+
+    #[inline]
+    pub(super) fn is_even(self) -> bool {
+        self.0 & UNEVEN == 0
+    }
+}
 
 /// The PV, and which suns each part of it sees: all that depends neither on materials nor on where
 /// light goes.
@@ -45,9 +84,8 @@ pub(super) struct Rooted {
     pub middles: Vec<DVec3>,
     /// Suns of the facet.
     suns: usize,
-    /// By level up to the asked one: for each cell and sun the part that sees it, in 255ths; 0 and
-    /// [`WHOLE`] are exact.
-    lit: Vec<Vec<u8>>,
+    /// By level up to the asked one: for each cell and sun the part that sees it.
+    lit: Vec<Vec<LitPart>>,
 }
 
 impl PvSight {
@@ -62,7 +100,8 @@ impl PvSight {
         progress: &dyn Progress,
     ) -> Result<Self, Error> {
         let facets = facets(site);
-        let suns: Vec<Suns> = facets.iter().map(|f| Suns::of(f, timeline)).collect();
+        let alike = site.months_alike();
+        let suns: Vec<Suns> = facets.iter().map(|f| Suns::of(f, timeline, &alike)).collect();
         let cell_m = cell_m(&facets, &suns);
         let mut roots: Vec<Rooted> = Vec::new();
         for (number, facet) in facets.iter().enumerate() {
@@ -78,11 +117,17 @@ impl PvSight {
                 .iter()
                 .map(|d| facet.frame.world_from_local(*d))
                 .collect();
-            let free = |place: DVec3, sun: usize| {
+            let months = &suns[root.facet].month;
+            let passes = |place: DVec3, sun: usize| {
                 let (start, way) = (facet.lifted(place).as_vec3(), directions[sun].as_vec3());
-                !sun_visibility || !site.bvh.occluded(start, way, 0.0, f32::INFINITY)
+                let month = usize::from(months[sun]);
+                LitPart::even(if sun_visibility {
+                    site.transmittance(start, way, f32::INFINITY, month)
+                } else {
+                    1.0
+                })
             };
-            root.ask(&free, progress)?;
+            root.ask(&passes, progress)?;
         }
         progress.finish();
         Ok(Self { facets, suns, roots })
@@ -130,10 +175,9 @@ impl Rooted {
         }
     }
 
-    /// What part of a cell each sun lights, in 255ths; below the asked level what its asked cell
-    /// says.
+    /// What part of a cell each sun lights; below the asked level what its asked cell says.
     #[inline]
-    pub(super) fn lit(&self, cell: &Cell) -> &[u8] {
+    pub(super) fn lit(&self, cell: &Cell) -> &[LitPart] {
         let level = cell.level.min(self.asked);
         let row = cell.index >> (2 * (cell.level - level));
         &self.lit[level as usize][row * self.suns..(row + 1) * self.suns]
@@ -143,42 +187,39 @@ impl Rooted {
     /// its parts are asked.
     fn ask(
         &mut self,
-        free: &(impl Fn(DVec3, usize) -> bool + Sync),
+        passes: &(impl Fn(DVec3, usize) -> LitPart + Sync),
         progress: &dyn Progress,
     ) -> Result<(), Error> {
         let (suns, nodes) = (self.suns, self.lattice.nodes());
         if suns == 0 {
             return Ok(());
         }
-        let mut at_node = vec![false; nodes.len() * suns];
+        let mut at_node = vec![LitPart::default(); nodes.len() * suns];
         at_node.par_chunks_mut(suns).zip(&nodes).try_for_each(|(row, node)| {
             progress.check()?;
             let place = self.lattice.place(*node);
             for (sun, answer) in row.iter_mut().enumerate() {
-                *answer = free(place, sun);
+                *answer = passes(place, sun);
             }
             progress.advance(1);
             Ok::<(), Error>(())
         })?;
         let cells = self.cell.below(self.asked);
         self.middles = cells.iter().map(Cell::middle).collect();
-        let mut lit = vec![0; cells.len() * suns];
+        let mut lit = vec![LitPart::default(); cells.len() * suns];
         lit.par_chunks_mut(suns).zip(&cells).try_for_each(|(row, cell)| {
             progress.check()?;
             let corners = cell.nodes.map(|node| self.lattice.number(node) * suns);
             let mut parts = Vec::new();
             for (sun, answer) in row.iter_mut().enumerate() {
-                let seen = corners.iter().filter(|&&at| at_node[at + sun]).count();
-                *answer = match seen {
-                    0 => 0,
-                    3 => WHOLE,
-                    _ => {
-                        if parts.is_empty() {
-                            parts = cell.below(PART_LEVELS);
-                        }
-                        let count = parts.iter().filter(|part| free(part.middle(), sun)).count();
-                        (count * usize::from(WHOLE) / PARTS) as u8
+                let said = corners.map(|at| at_node[at + sun]);
+                *answer = if said.iter().all(|s| *s == said[0]) {
+                    said[0]
+                } else {
+                    if parts.is_empty() {
+                        parts = cell.below(PART_LEVELS);
                     }
+                    LitPart::of::<PARTS>(std::array::from_fn(|i| passes(parts[i].middle(), sun)))
                 };
             }
             Ok::<(), Error>(())
@@ -186,14 +227,8 @@ impl Rooted {
         self.lit = vec![lit];
         for level in 0..self.asked as usize {
             let coarser = self.lit[level].chunks_exact(4 * suns).flat_map(|rows| {
-                (0..suns).map(move |sun| {
-                    let sum: u32 = (0..4).map(|part| u32::from(rows[part * suns + sun])).sum();
-                    match sum {
-                        0 => 0,
-                        1020 => WHOLE,
-                        _ => ((sum + 2) / 4).clamp(1, 254) as u8,
-                    }
-                })
+                (0..suns)
+                    .map(move |sun| LitPart::of([0, 1, 2, 3].map(|part| rows[part * suns + sun])))
             });
             self.lit.push(coarser.collect());
         }

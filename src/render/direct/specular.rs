@@ -1,3 +1,5 @@
+use std::ops::Range;
+
 use glam::DVec3;
 
 use super::disc::Disc;
@@ -27,7 +29,13 @@ pub(super) struct Specular<'a> {
 
 impl Specular<'_> {
     /// Adds one triangle of the facet.
-    pub(super) fn add(&self, triangle: &[DVec3; 3], suns: &Suns, year: &mut DirectYear) {
+    pub(super) fn add(
+        &self,
+        triangle: &[DVec3; 3],
+        suns: &Suns,
+        asked: Range<usize>,
+        year: &mut DirectYear,
+    ) {
         let normal = self.facet.frame.z;
         let before_m = self.facet.before_m(self.spot.position);
         let image = self.spot.position - normal * (2.0 * before_m);
@@ -38,7 +46,8 @@ impl Specular<'_> {
         let reach = corners.iter().map(angle).fold(0.0, f64::max) + 1.01 * self.disc.radius_rad;
         let least = if reach < std::f64::consts::PI { libm::cos(reach) } else { -1.0 };
         let local = self.facet.frame.local_from_world(middle);
-        for (i, &local_sun) in suns.direction.iter().enumerate() {
+        for i in asked {
+            let local_sun = suns.direction[i];
             if local_sun.dot(local) < least {
                 continue;
             }
@@ -51,20 +60,24 @@ impl Specular<'_> {
             if share <= 0.0 || cos <= 0.0 || away_m > self.max_path_m {
                 continue;
             }
-            let free = self.free(&sun, &corners, image, before_m);
+            let month = usize::from(suns.month[i]);
+            let (free, crossed) = self.free(&sun, &corners, image, month);
             let strength = f64::from(suns.strength[i]);
             let beam = strength * self.bsdf.mirrored(local_sun) * share;
             let facing = cos / cos.max(f64::from(MIN_COS));
             // A border through the disc is known to one of its points.
-            let doubt = if free > 0.0 && free < 1.0 { beam * cos / 16.0 } else { 0.0 };
+            let doubt = if crossed { beam * cos / 16.0 } else { 0.0 };
             year.add(suns.step[i], beam * free * cos, beam * free * facing, doubt);
         }
     }
 
-    /// Share of the disc's points in the triangle whose way is free on both sides.
-    fn free(&self, sun: &Frame, corners: &[DVec3; 3], image: DVec3, before_m: f64) -> f64 {
+    /// Share of the light of the disc's points in the triangle that passes on both sides, and
+    /// whether it isn't the same for all.
+    fn free(&self, sun: &Frame, corners: &[DVec3; 3], image: DVec3, month: usize) -> (f64, bool) {
+        let before_m = self.facet.before_m(self.spot.position);
         let edges = [0, 1, 2].map(|i| corners[i].cross(corners[(i + 1) % 3]));
         let (mut inside, mut free) = (0.0, 0.0);
+        let (mut least, mut most) = (1.0_f64, 0.0_f64);
         for [u, v, w] in self.points.iter().map(|p| p.at.map(f64::from)) {
             let at = sun.x * u + sun.y * v + sun.z * w;
             let cos = self.facet.frame.z.dot(at);
@@ -75,14 +88,18 @@ impl Specular<'_> {
             let start = self.facet.lifted(image + at * (before_m / cos));
             let way = self.spot.eye - start;
             let length = way.length();
-            let blocked = |way: DVec3, most: f64| {
-                self.site.bvh.occluded(start.as_vec3(), way.as_vec3(), 0.0, most as f32)
+            let passes = |way: DVec3, most: f64| {
+                let (from, way) = (start.as_vec3(), way.as_vec3());
+                f64::from(self.site.transmittance(from, way, most as f32, month))
             };
-            let hidden = blocked(way / length, (length - 1e-3).max(0.0))
-                || (self.sun_visibility && blocked(at, f64::INFINITY));
-            free += f64::from(u8::from(!hidden));
+            let mut share = passes(way / length, (length - 1e-3).max(0.0));
+            if self.sun_visibility && share > 0.0 {
+                share *= passes(at, f64::INFINITY);
+            }
+            free += share;
+            (least, most) = (least.min(share), most.max(share));
         }
         // A sliver of the disc between its points: taken as free.
-        if inside > 0.0 { free / inside } else { 1.0 }
+        if inside > 0.0 { (free / inside, least < most) } else { (1.0, false) }
     }
 }

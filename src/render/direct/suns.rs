@@ -1,13 +1,18 @@
+use std::ops::Range;
+
 use glam::DVec3;
 
 use crate::base::{Frame, Timeline};
 use crate::render::facet::Facet;
+use crate::sky::date_of_day;
 
 /// The suns in front of a facet, in its frame and in the order of time, one array for each number.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Suns {
     /// Index into the timeline.
     pub step: Vec<u32>,
+    /// Month from 0: the first of those in which crowns let as much through.
+    pub month: Vec<u8>,
     pub direction: Vec<DVec3>,
     pub x: Vec<f32>,
     pub y: Vec<f32>,
@@ -21,7 +26,7 @@ pub(super) struct Suns {
 }
 
 impl Suns {
-    pub(super) fn of(facet: &Facet, timeline: &Timeline) -> Self {
+    pub(super) fn of(facet: &Facet, timeline: &Timeline, alike: &[usize; 12]) -> Self {
         let mut out = Self::default();
         for (i, step) in timeline.steps.iter().enumerate() {
             let sun = facet.frame.local_from_world(step.sun);
@@ -29,6 +34,8 @@ impl Suns {
                 continue;
             }
             out.step.push(i as u32);
+            let month = date_of_day(timeline.year, step.day).0.clamp(1, 12) as usize - 1;
+            out.month.push(alike[month] as u8);
             out.direction.push(sun);
             out.x.push(sun.x as f32);
             out.y.push(sun.y as f32);
@@ -45,6 +52,12 @@ impl Suns {
 
     pub(super) fn len(&self) -> usize {
         self.step.len()
+    }
+
+    /// The suns of some timesteps.
+    pub(super) fn within(&self, timesteps: &Range<u32>) -> Range<usize> {
+        let at = |step: u32| self.step.partition_point(|s| *s < step);
+        at(timesteps.start)..at(timesteps.end)
     }
 
     /// The i-th sun with its frame in the world's axes.

@@ -12,7 +12,7 @@ use crate::base::{
 };
 use crate::render::{Hit, HitKind, HitMap, Quantity};
 use crate::site::bsdf::{Bsdf, Model};
-use crate::site::{Face, Material, Object, PvSurface, Site, Triangle};
+use crate::site::{Crowns, Face, Material, Object, PvSurface, Season, Site, Triangle};
 
 /// Quads, the first of them PV.
 fn site(quads: &[[DVec3; 4]]) -> Site {
@@ -351,4 +351,70 @@ fn a_view_goes_on_where_it_stopped() {
     let (p, n) = (far.position.as_dvec3(), far.normal.as_dvec3());
     direct.year(p, n, &mut DirectScratch::default(), &mut year);
     assert!(year.lit.is_empty());
+}
+
+/// A scene whose second quad is a crown that lets `january` and `june` through.
+fn with_a_crown(quads: &[[DVec3; 4]], january: f64, june: f64) -> Site {
+    let mut site = site(quads);
+    let leaves = Material { name: "leaves".into(), ..site.materials[0].clone() };
+    site.materials.push(leaves);
+    site.objects.push(Object { id: "oak".into(), kind: String::new() });
+    site.faces[1] = Face { object: 1, material: 1, pv: None };
+    let mut transmittance = [january; 12];
+    transmittance[5] = june;
+    let season = Season { modifier: "leaves".into(), transmittance };
+    site.crowns = Crowns::of(&site, &[season]);
+    site
+}
+
+/// A crown that covers all: the open scene's irradiance times what it lets through; one that covers
+/// a part: straight between the open and the opaque scene.
+#[test]
+fn a_crown_lets_its_share_through_by_month() {
+    let at = DVec3::new(-12.0, 1.0, 6.0);
+    let mut both = timeline(&[DVec3::new(0.5, 0.1, 0.4), DVec3::new(0.5, 0.1, 0.4)], 0.533);
+    both.steps[1].day = 165;
+    let upright = |x: f64, low: f64, high: f64, top: f64| {
+        [[x, low, -9.0], [x, high, -9.0], [x, high, top], [x, low, top]].map(DVec3::from_array)
+    };
+    let to_spot = (upright(-6.0, -40.0, 40.0, 40.0), 1);
+    let to_sun = (upright(6.0, -40.0, 40.0, 60.0), 1);
+    // A roof over all: on the way from the sun and to the spot.
+    let over = flat(300.0).map(|p| p + DVec3::Z * 3.0);
+    let part = (upright(-4.0, -1.0, 0.6, 2.2), 0);
+    let models = [
+        Model::PvGlass { index: 1.52, ggx_alpha: 0.05, cell_reflectance: 0.04 },
+        Model::Glass { index: 1.52 },
+        Model::Lambertian { reflectance: 0.3 },
+    ];
+    let (january, june) = (0.37, 0.8);
+    for (i, m) in models.iter().enumerate() {
+        let bsdf = model(m);
+        // So that the mirrored sun stands in the square, seen from the spot.
+        let sun = DVec3::new(-(at.x - 0.5), -(at.y - 0.2), at.z).normalize();
+        both.steps.iter_mut().for_each(|s| s.sun = sun);
+        let of = |site: &Site| year(site, &both, &bsdf, at, (-at).normalize());
+        let open = of(&site(&[flat(3.0)]));
+        assert!(open.surface_w_m2[0] > 1e-3);
+        for (crown, ways) in [to_spot, to_sun, (over, 2), part] {
+            let quads = [flat(3.0), crown];
+            let found = of(&with_a_crown(&quads, january, june));
+            let opaque = of(&site(&quads));
+            for (t, share) in [january, june].into_iter().enumerate() {
+                let (o, c) = (open.surface_w_m2[t], opaque.surface_w_m2[t]);
+                let (passes, allowed) = match ways {
+                    0 => (share * o + (1.0 - share) * c, 1e-2 * o),
+                    n => (share.powi(n) * o, 2e-4 * o),
+                };
+                let value = found.surface_w_m2[t];
+                println!("{i}, {ways} ways, {share}: {value:.5} {passes:.5} of {o:.5}, {c:.5}");
+                assert!((value - passes).abs() <= allowed, "{i} {ways} {share}");
+                if ways > 0 {
+                    assert_eq!(c, 0.0);
+                    // An even crown leaves nothing in doubt.
+                    assert!(found.error_w_m2[t] <= 1.01 * open.error_w_m2[t]);
+                }
+            }
+        }
+    }
 }

@@ -14,7 +14,10 @@ pub struct DirectYear {
 impl DirectYear {
     pub(super) fn clear(&mut self, timesteps: usize) {
         for list in [&mut self.surface_w_m2, &mut self.normal_w_m2, &mut self.error_w_m2] {
-            list.clear();
+            // A year has many timesteps, of which a spot sees some.
+            for &step in &self.lit {
+                list[step as usize] = 0.0;
+            }
             list.resize(timesteps, 0.0);
         }
         self.lit.clear();

@@ -4,7 +4,7 @@ use glam::DVec3;
 
 use super::patches::{EyePv, LitPv, Patch, Root, Seen};
 use crate::base::Frame;
-use crate::site::bsdf::{Bsdf, on_circle};
+use crate::site::bsdf::{Bsdf, Term, on_circle};
 
 /// A patch of PV that shines at an eye.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -36,6 +36,17 @@ pub struct EyeMaterial<'a> {
     bsdf: &'a Bsdf,
     /// Half-width of the lobe as tilts of its half vectors, rad; infinite where there is none.
     width: f64,
+    /// How fast all that isn't mirrored changes with the tilt of half vectors.
+    falls: Falls,
+}
+
+/// How a scattering function changes with the tilt of half vectors.
+#[derive(Clone, Copy, Debug)]
+enum Falls {
+    /// As lobes of facets do, none narrower than this alpha; infinite: an even ground alone.
+    Facets(f64),
+    /// As a file says: nothing is known but the half-width of its lobe, rad.
+    File(f64),
 }
 
 /// A patch is looked at through its middle once its half vectors spread less than this share of
@@ -43,8 +54,16 @@ pub struct EyeMaterial<'a> {
 const FINE: f64 = 0.15;
 /// A patch is at least as fine as that as seen from the eye, rad.
 const WIDEST: f64 = 0.1;
-/// Lobe widths within which the sun is a disc; outside a point at its middle does.
+/// Patches that are partly in sight or in shadow are split within so many widths of the lobe.
 const NEAR_WIDTHS: f64 = 8.0;
+/// Radius of the sun's disc beside the length over which the lobe changes: up to the first its
+/// middle stands for it, up to the second four points (to 1e-3), beyond it all.
+const DISC_RATIOS: [f64; 2] = [0.02, 0.25];
+/// Fresnel's reflectance changes its logarithm by up to that with a radian of tilt; with
+/// what hides facets from one another, towards grazing angles, by up to the second.
+const STEADY_PER_RAD: [f64; 2] = [6.0, 20.0];
+/// How fast a file's lobe changes its logarithm, in widths of the lobe.
+const STEEPNESS: f64 = 3.0;
 /// Halvings below the cells.
 const DEEPER: u32 = 9;
 /// Points of the sun's disc: on rings of equal area.
@@ -56,15 +75,44 @@ const MEASURED_AT_DEG: f64 = 60.0;
 impl<'a> EyeMaterial<'a> {
     /// Finds the lobe's width.
     pub fn new(bsdf: &'a Bsdf) -> Self {
-        let from = DVec3::new(libm::sin(1.0), 0.0, libm::cos(1.0));
-        let width = match bsdf {
-            Bsdf::Lambertian { .. } => f64::INFINITY,
-            Bsdf::PvGlass(glass) => glass.parts().1,
-            other if other.mirrored(from) > 0.0 => 0.0,
-            // Half vectors turn by half of what directions turn.
-            other => other.lobe(MEASURED_AT_DEG).width_deg.to_radians() / 4.0,
+        let terms = bsdf.terms();
+        let alphas = terms.iter().filter_map(|(_, term)| match term {
+            Term::Lobe(term) => term.alpha(),
+            Term::Even(_) | Term::Measured(_) => None,
+        });
+        let alpha = alphas.fold(f64::INFINITY, f64::min);
+        let file = terms.iter().any(|(_, term)| matches!(term, Term::Measured(_)));
+        // Half vectors turn by half of what directions turn.
+        let measured = || bsdf.lobe(MEASURED_AT_DEG).width_deg.to_radians() / 4.0;
+        let falls = match file {
+            true => Falls::File(measured().min(alpha)),
+            false => Falls::Facets(alpha),
         };
-        Self { bsdf, width }
+        let (Falls::File(rough) | Falls::Facets(rough)) = falls;
+        let width = if bsdf.has_delta() { 0.0 } else { rough };
+        Self { bsdf, width, falls }
+    }
+
+    /// How many times brighter all that isn't mirrored may get, beside the sun's strength, while
+    /// half vectors that are tilted by `tilt` at least turn by `turned`, rad. A lobe of facets goes
+    /// with `(tilt^2 + alpha^2)^-2`: that grows fastest where it is already close.
+    pub(super) fn growth(&self, tilt: f64, turned: f64) -> f64 {
+        match self.falls {
+            Falls::File(width) => libm::exp(STEEPNESS * turned / width.min(1.0)),
+            Falls::Facets(alpha) => {
+                let [fresnel, most] = STEADY_PER_RAD;
+                let steady = libm::exp((1.0 / alpha).clamp(fresnel, most) * turned);
+                if alpha.is_infinite() {
+                    return steady;
+                }
+                let alpha2 = alpha * alpha;
+                let steepest = 0.5 * (turned + (turned * turned + 4.0 * alpha2).sqrt());
+                let before = tilt.max(steepest);
+                let after = before - turned;
+                let ratio = (before * before + alpha2) / (after * after + alpha2);
+                ratio * ratio * steady
+            }
+        }
     }
 
     /// Half-width of its lobe as tilts of half vectors, rad; 0 where it mirrors, infinite where it
@@ -90,20 +138,29 @@ impl<'a> EyeMaterial<'a> {
     pub(super) fn radiance(&self, sun: &SunAt, to_sun: DVec3, out: DVec3, tilt: f64) -> f64 {
         let one = |s: DVec3| self.bsdf.evaluate(s, out) * s.z.max(0.0);
         let radius = sun.radius_rad();
-        let rough = if self.width.is_finite() && tilt < NEAR_WIDTHS * self.width + 2.0 * radius {
+        let (Falls::Facets(width) | Falls::File(width)) = self.falls;
+        let length = (to_sun + out).length().max(0.2);
+        let ratio = radius / (length * (width * width + tilt * tilt).sqrt());
+        let [point, few] = DISC_RATIOS;
+        let around = |sum: f64, r: f64, from: f64, count: usize, frame: &Frame| {
+            (0..count).fold(sum, |sum, i| {
+                let (x, y) = on_circle((i as f64 + from) / count as f64);
+                sum + one((frame.z + frame.x * (r * x) + frame.y * (r * y)).normalize())
+            })
+        };
+        let rough = if ratio < point {
+            one(to_sun)
+        } else if ratio < few {
+            let r = radius * std::f64::consts::FRAC_1_SQRT_2;
+            around(0.0, r, 0.0, 4, &Frame::around(to_sun)) / 4.0
+        } else {
             let frame = Frame::around(to_sun);
             let mut sum = 0.0;
             for ring in 0..RINGS {
                 let r = radius * ((ring as f64 + 0.5) / RINGS as f64).sqrt();
-                for i in 0..AROUND {
-                    let turn = (i as f64 + 0.5 * (ring % 2) as f64) / AROUND as f64;
-                    let (x, y) = on_circle(turn);
-                    sum += one((frame.z + frame.x * (r * x) + frame.y * (r * y)).normalize());
-                }
+                sum = around(sum, r, 0.5 * (ring % 2) as f64, AROUND, &frame);
             }
             sum / (RINGS * AROUND) as f64
-        } else {
-            one(to_sun)
         };
         let mirrored = DVec3::new(-out.x, -out.y, out.z);
         let delta = if mirrored.dot(to_sun) > libm::cos(radius) {

@@ -82,6 +82,21 @@ impl EyeInstant {
         out
     }
 
+    /// Irradiances and the brightest patch alone.
+    pub(super) fn bright(eye: &Eye, glints: &[Glint]) -> Self {
+        let mut out = Self::default();
+        for glint in glints {
+            let part = glint.radiance_w_m2_sr * glint.solid_angle_sr;
+            out.normal_w_m2 += part;
+            out.surface_w_m2 += part * eye.direction.dot(glint.towards).clamp(0.0, 1.0);
+            if glint.radiance_w_m2_sr > out.peak.radiance_w_m2_sr {
+                let Glint { radiance_w_m2_sr, towards, surface, .. } = *glint;
+                out.peak = Brightest { radiance_w_m2_sr, towards, surface };
+            }
+        }
+        out
+    }
+
     /// Mean radiance of all lit PV in sight, W/m2/sr.
     pub fn mean_w_m2_sr(&self) -> f64 {
         if self.lit_sr > 0.0 { self.normal_w_m2 / self.lit_sr } else { 0.0 }

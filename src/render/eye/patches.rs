@@ -99,6 +99,8 @@ pub struct EyePv<'a> {
     pub(super) roots: Vec<Root>,
     /// Middle of each cell.
     middles: Vec<DVec3>,
+    /// The same in the frame of its facet.
+    local_middles: Vec<DVec3>,
 }
 
 /// How much of each cell something sees, 0 to 1.
@@ -134,6 +136,7 @@ impl<'a> EyePv<'a> {
     pub fn new(site: &'a Site) -> Self {
         let facets = facets(site);
         let (mut roots, mut middles) = (Vec::new(), Vec::new());
+        let mut local_middles: Vec<DVec3> = Vec::new();
         for (number, facet) in facets.iter().enumerate() {
             for &corners in &facet.triangles {
                 let longest =
@@ -149,10 +152,12 @@ impl<'a> EyePv<'a> {
                     cells = cells.iter().flat_map(Patch::parts).collect();
                 }
                 middles.extend(cells.iter().map(Patch::middle));
+                let local = middles[first..].iter().map(|m| facet.frame.local_from_world(*m));
+                local_middles.extend(local);
                 roots.push(Root { facet: number, whole, level, first });
             }
         }
-        Self { site, facets, roots, middles }
+        Self { site, facets, roots, middles, local_middles }
     }
 
     /// Whether crowns let light through in some months, so that what is seen depends on them.
@@ -214,43 +219,42 @@ impl<'a> EyePv<'a> {
         patch.parts().iter().map(|p| self.in_sight_sr(root, p, place, shares, of(p))).sum()
     }
 
-    /// Calls `each` with the cells in sight before which a sun stands: half vector in the facet's
-    /// frame, not normalised, and the angle that the cell spans.
-    fn halves(&self, seen: &Seen, sun: DVec3, mut each: impl FnMut(DVec3, f64)) {
+    /// How near half vectors come to the PV's normal with a sun: the smallest tilt of any cell in
+    /// sight, rad (at most that), and the smallest cosine between half vectors and the directions
+    /// to the sun.
+    pub(super) fn least_tilt(&self, seen: &Seen, sun: DVec3) -> (f64, f64) {
+        let (mut tilt, mut cos) = (f64::INFINITY, 1.0_f64);
         for root in &self.roots {
             let facet = &self.facets[root.facet];
             if facet.before_m(seen.eye.position) <= 0.0 {
                 continue;
             }
             let to_sun = facet.frame.local_from_world(sun);
+            let eye = facet.frame.local_from_world(seen.eye.position);
             let radius_m = root.whole.radius_m() / f64::from(1_u32 << root.level);
             for i in root.first..root.first + root.cells() {
                 if seen.shares[i] > 0.0 {
-                    let way = seen.eye.position - self.middles[i];
+                    let way = eye - self.local_middles[i];
                     let away_m = way.length();
-                    let out = facet.frame.local_from_world(way / away_m);
-                    each(to_sun + out, radius_m / away_m);
+                    let half = to_sun + way / away_m;
+                    let length = half.length().max(1e-12);
+                    let across = (half.x * half.x + half.y * half.y).sqrt() / length;
+                    let spread = 0.5 * radius_m / (away_m * (0.5 * length).max(0.05));
+                    tilt = tilt.min(across - spread);
+                    cos = cos.min(0.5 * length);
                 }
             }
         }
+        (tilt, cos)
     }
 
-    /// The smallest cosine between half vectors and the directions to the sun.
-    pub(super) fn least_cos(&self, seen: &Seen, sun: DVec3) -> f64 {
-        let mut least = 1.0_f64;
-        self.halves(seen, sun, |half, _| least = least.min(0.5 * half.length()));
-        least
-    }
-
-    /// The smallest tilt of half vectors against the PV's normal, rad; at most that.
-    pub(super) fn least_tilt(&self, seen: &Seen, sun: DVec3) -> f64 {
-        let mut least = f64::INFINITY;
-        self.halves(seen, sun, |half, angle| {
-            let length = half.length().max(1e-12);
-            let tilt = (half.x * half.x + half.y * half.y).sqrt() / length;
-            least = least.min(tilt - 0.5 * angle / (0.5 * length).max(0.05));
-        });
-        least
+    /// Whether one of the facets before the eye has one of two suns before it, but not the other.
+    pub(super) fn passes_a_plane(&self, seen: &Seen, suns: [DVec3; 2]) -> bool {
+        let before = |facet: &&Facet| facet.before_m(seen.eye.position) > 0.0;
+        self.facets.iter().filter(before).any(|facet| {
+            let [a, b] = suns.map(|sun| facet.frame.z.dot(sun) > 0.0);
+            a != b
+        })
     }
 
     /// Which of the cells a sun lights in a month; only those are asked that `seen` has in sight.

@@ -28,9 +28,6 @@ pub struct Sweep {
     pub asked: usize,
 }
 
-/// How fast a lobe's logarithm changes with the tilt of half vectors, in widths of the lobe: GGX's
-/// `1 / (tan2 + alpha2)^2` has 2; the rest is for Fresnel and cosines.
-const STEEPNESS: f64 = 3.0;
 /// Room for all else that changes between two timesteps.
 const ROOM: f64 = 1.2;
 
@@ -72,6 +69,9 @@ impl SweepLimits {
 struct Looked {
     at: usize,
     instant: EyeInstant,
+    /// See [`EyePv::least_tilt`].
+    least_tilt: f64,
+    least_cos: f64,
 }
 
 impl Sweeper<'_> {
@@ -123,35 +123,32 @@ impl Sweeper<'_> {
         }
     }
 
-    /// Half-width of the narrowest lobe; `None` where there is an ideal mirror.
-    fn narrowest(&self) -> Option<f64> {
-        let widths = self.materials.iter().map(EyeMaterial::width);
-        Some(widths.fold(f64::INFINITY, f64::min)).filter(|w| *w > 0.0)
-    }
-
     /// Whether nothing between two timesteps can exceed a limit.
     fn nothing_between(&self, a: &Looked, b: &Looked) -> bool {
-        let [sun_a, sun_b] = [a, b].map(|l| self.timeline.steps[l.at].sun);
+        let suns = [a, b].map(|l| self.timeline.steps[l.at].sun);
         let steps = &self.timeline.steps[a.at..=b.at];
         let strongest = steps.iter().fold(0.0, |most: f64, s| most.max(s.irradiance_w_m2));
         if strongest <= 0.0 {
             return true;
         }
         // The sun's way between them is nearly an arc: no place on it is farther from both ends.
-        let moved = 0.55 * libm::acos(sun_a.dot(sun_b).clamp(-1.0, 1.0));
+        // Where the sun rises or sets for a part of the PV, one end says nothing about the other.
         let (seen, _) = self.seen(a.at);
-        let cos = self.pv.least_cos(seen, sun_a).min(self.pv.least_cos(seen, sun_b));
-        let turned = 0.5 * moved / cos.max(0.05);
-        let Some(width) = self.narrowest() else {
-            if self.materials.iter().any(|m| !m.bsdf().is_delta()) {
-                return false;
-            }
-            let disc = 0.5 * self.sun(a.at).radius_rad() / cos.max(0.05);
-            let [first, last] = [sun_a, sun_b].map(|sun| self.pv.least_tilt(seen, sun));
-            return first.min(last) > turned + disc;
-        };
-        let factor = strongest * ROOM * libm::exp(STEEPNESS * turned / width.min(1.0));
-        self.limits.within(&a.instant, factor) && self.limits.within(&b.instant, factor)
+        let part = if self.pv.passes_a_plane(seen, suns) { 1.05 } else { 0.55 };
+        let moved = part * libm::acos(suns[0].dot(suns[1]).clamp(-1.0, 1.0));
+        let cos = a.least_cos.min(b.least_cos).max(0.05);
+        let turned = 0.5 * moved / cos;
+        let disc = 0.5 * self.sun(a.at).radius_rad() / cos;
+        let mirrors = self.materials.iter().any(|m| m.width() == 0.0);
+        if mirrors && a.least_tilt.min(b.least_tilt) <= turned + disc {
+            return false;
+        }
+        [a, b].into_iter().all(|end| {
+            let tilt = end.least_tilt - disc;
+            let growth = self.materials.iter().map(|m| m.growth(tilt, turned));
+            let most = growth.fold(1.0, f64::max);
+            self.limits.within(&end.instant, strongest * ROOM * most)
+        })
     }
 }
 
@@ -196,14 +193,15 @@ impl Part<'_> {
         let open = LitPv::open(pv);
         self.sweep.looked += 1;
         pv.look(seen, &open, &unit, materials, &mut self.glints);
-        let instant = EyeInstant::of(&seen.eye, &mut self.glints);
+        let instant = EyeInstant::bright(&seen.eye, &self.glints);
+        let (least_tilt, least_cos) = pv.least_tilt(seen, sun.direction);
         if !limits.within(&instant, sun.irradiance_w_m2) {
             self.sweep.asked += 1;
             let lit = pv.lit(sun.direction, seen, month);
             pv.look(seen, &lit, &sun, materials, &mut self.glints);
-            let shaded = EyeInstant::of(&seen.eye, &mut self.glints);
+            let shaded = EyeInstant::bright(&seen.eye, &self.glints);
             self.sweep.exceeded[at - self.first] = limits.exceeded(&shaded);
         }
-        Looked { at, instant }
+        Looked { at, instant, least_tilt, least_cos }
     }
 }

@@ -6,7 +6,7 @@ use super::hazard::{HazardZone, zone};
 use super::{Eye, EyeInstant, EyeMaterial, EyePv, Glint, SunAt, SweepLimits, Sweeper};
 use crate::base::{Silent, SpectralBasis, Timeline, Timestep};
 use crate::render::{Direct, DirectScene, DirectScratch, DirectYear, PvSight};
-use crate::site::bsdf::{Bsdf, Model};
+use crate::site::bsdf::{Bsdf, Model, Part};
 use crate::site::{Face, Material, Object, PvSurface, Site, Triangle};
 
 /// A level PV square of `2 half_m`, and quads.
@@ -217,7 +217,22 @@ fn a_sweep_misses_nothing() {
         radiances_w_m2_sr: vec![300.0, 500.0],
     };
     let glass = |alpha| Model::PvGlass { index: 1.52, ggx_alpha: alpha, cell_reflectance: 0.04 };
-    for model in [glass(0.05), glass(0.01), Model::Glass { index: 1.52 }] {
+    let part = |share, model| Part { share, model };
+    let coated = Model::Mixture {
+        parts: vec![
+            part(0.4, Model::Glass { index: 1.52 }),
+            part(0.6, Model::Lambertian { reflectance: 0.1 }),
+        ],
+    };
+    let all_models = [
+        (glass(0.1), 0.5),
+        (glass(0.05), 0.5),
+        (glass(0.01), 0.5),
+        (glass(0.003), 0.5),
+        (Model::Glass { index: 1.52 }, 0.5),
+        (coated, 0.5),
+    ];
+    for (model, most) in all_models {
         let bsdf = bsdf(&model);
         let materials = [EyeMaterial::new(&bsdf)];
         let seen = [pv.seen(eye(AT), 0)];
@@ -236,8 +251,7 @@ fn a_sweep_misses_nothing() {
         let all = timeline.steps.len() as f64;
         let (share, lit) = (looked as f64 / all, lit as f64 / all);
         println!("width {}: lit {lit:.3}, looked at {share:.3}", materials[0].width());
-        // What is lit is looked at, step by step. Lobes as narrow as 0.01 spare little: their bound
-        // grows too fast with the sun's way.
-        assert!(lit > 0.002 && share < 0.95, "{lit} {share}");
+        // What is lit is looked at, step by step.
+        assert!(lit > 0.002 && share < most, "{lit} {share}");
     }
 }

@@ -1,7 +1,9 @@
+use std::sync::atomic::{AtomicUsize, Ordering};
+
 use glam::DVec3;
 use rayon::prelude::*;
 
-use super::suns::Suns;
+use super::suns::{Ahead, Suns};
 use super::{MirrorTimes, MirrorYear};
 use crate::base::Progress;
 use crate::render::Error;
@@ -16,6 +18,13 @@ pub struct MirrorReceiver {
     /// Normal of the surface that it lies on: what stands behind it doesn't count, and rays start
     /// a little before it. `None` for an eye, which sees all around.
     pub normal: Option<DVec3>,
+}
+
+impl MirrorReceiver {
+    /// Where rays end.
+    fn place(&self) -> DVec3 {
+        self.position + self.normal.unwrap_or_default() * LIFT_M
+    }
 }
 
 /// An instant at which a PV surface throws the sun at a receiver.
@@ -38,12 +47,15 @@ const LIFT_M: f64 = 2e-3;
 ///
 /// For a receiver and a plane of PV the mirror image of the receiver behind the plane looks along
 /// the sun's own direction through the facet exactly when the sun's reflection meets the receiver.
-/// So every facet is a patch of the sky, and the suns in that patch are looked up.
+/// So every facet is a patch of the sky, and the suns in that patch are looked up; suns are worked
+/// out every five minutes, and step by step only where they come near any receiver's patches.
 #[derive(Debug)]
 pub struct MirrorRule<'a> {
     site: &'a Site,
     times: MirrorTimes,
-    suns: Suns,
+    ahead: Ahead,
+    /// Suns that were worked out.
+    worked_out: AtomicUsize,
     facets: Vec<Facet>,
     /// Cosine of the least angle between sun and reflection.
     closest_cos: f64,
@@ -61,14 +73,20 @@ impl<'a> MirrorRule<'a> {
             );
             return Err(Error::Settings { what });
         }
-        let suns = Suns::of(&times)?;
+        let ahead = Ahead::of(&times)?;
+        let worked_out = AtomicUsize::new(ahead.len());
         let closest_cos = libm::cos(separation_deg.to_radians());
-        Ok(Self { site, times, suns, facets: facets(site), closest_cos })
+        Ok(Self { site, times, ahead, worked_out, facets: facets(site), closest_cos })
     }
 
-    /// Suns of the year that stand above the horizon.
+    /// Suns of the year that stand above the horizon, counted every five minutes.
     pub fn suns(&self) -> usize {
-        self.suns.directions.len()
+        self.ahead.shown
+    }
+
+    /// Suns that were worked out so far.
+    pub fn worked_out(&self) -> usize {
+        self.worked_out.load(Ordering::Relaxed)
     }
 
     /// Which suns are looked at.
@@ -104,12 +122,14 @@ impl<'a> MirrorRule<'a> {
         progress: &dyn Progress,
         reduce: impl Fn(MirrorYear) -> T + Sync,
     ) -> Result<Vec<T>, Error> {
+        let suns = self.near(receivers);
+        self.worked_out.fetch_add(suns.directions.len(), Ordering::Relaxed);
         progress.begin("mirror rule", receivers.len() as u64, "points");
         let out = receivers
             .par_iter()
             .map(|receiver| {
                 progress.check()?;
-                let year = MirrorYear::new(&self.times, self.lit(receiver));
+                let year = MirrorYear::new(&self.times, self.lit(receiver, &suns));
                 progress.advance(1);
                 Ok(reduce(year))
             })
@@ -118,37 +138,63 @@ impl<'a> MirrorRule<'a> {
         out
     }
 
-    /// All instants at which a receiver is lit, in order, each with every surface that does it.
-    fn lit(&self, receiver: &MirrorReceiver) -> Vec<Lit> {
-        let place = receiver.position + receiver.normal.unwrap_or_default() * LIFT_M;
-        let mut out = Vec::new();
+    /// The suns that may stand in some receiver's patches.
+    fn near(&self, receivers: &[MirrorReceiver]) -> Suns {
+        let marks = || vec![false; self.ahead.len()];
+        let join = |mut all: Vec<bool>, more: Vec<bool>| {
+            all.iter_mut().zip(more).for_each(|(a, b)| *a |= b);
+            all
+        };
+        let near = receivers
+            .par_iter()
+            .with_min_len(64)
+            .fold(marks, |mut near, receiver| {
+                self.patches(receiver, |_, _, _, corners| self.ahead.mark(corners, &mut near));
+                near
+            })
+            .reduce(marks, join);
+        self.ahead.around(&near)
+    }
+
+    /// Calls `each` with every facet before a receiver, the mirror image of the receiver, how far
+    /// before the facet it lies, and the corners of each triangle as the image sees them.
+    fn patches(
+        &self,
+        receiver: &MirrorReceiver,
+        mut each: impl FnMut(&Facet, DVec3, f64, &[DVec3; 3]),
+    ) {
+        let place = receiver.place();
         for facet in &self.facets {
             let before_m = facet.before_m(place);
-            if before_m <= 0.0 {
-                continue;
-            }
-            let normal = facet.frame.z;
-            let image = place - normal * (2.0 * before_m);
-            for triangle in &facet.triangles {
-                let corners = triangle.map(|c| c - image);
-                let edges = [0, 1, 2].map(|i| corners[i].cross(corners[(i + 1) % 3]));
-                self.suns.around(&corners, |range| {
-                    for i in range {
-                        let sun = self.suns.directions[i];
-                        if edges.iter().any(|e| e.dot(sun) < 0.0) {
-                            continue;
-                        }
-                        let away_m = before_m / normal.dot(sun);
-                        let spot = image + sun * away_m;
-                        let seen = self.shows(facet, receiver.normal, place, spot, away_m, sun);
-                        if seen {
-                            let instant = self.suns.instants[i];
-                            out.push(Lit { instant, surface: facet.surface });
-                        }
-                    }
-                });
+            if before_m > 0.0 {
+                let image = place - facet.frame.z * (2.0 * before_m);
+                for triangle in &facet.triangles {
+                    each(facet, image, before_m, &triangle.map(|c| c - image));
+                }
             }
         }
+    }
+
+    /// All instants at which a receiver is lit, in order, each with every surface that does it.
+    fn lit(&self, receiver: &MirrorReceiver, suns: &Suns) -> Vec<Lit> {
+        let place = receiver.place();
+        let mut out = Vec::new();
+        self.patches(receiver, |facet, image, before_m, corners| {
+            let edges = [0, 1, 2].map(|i| corners[i].cross(corners[(i + 1) % 3]));
+            suns.around(corners, |range| {
+                for i in range {
+                    let sun = suns.directions[i];
+                    if edges.iter().any(|e| e.dot(sun) < 0.0) {
+                        continue;
+                    }
+                    let away_m = before_m / facet.frame.z.dot(sun);
+                    let spot = image + sun * away_m;
+                    if self.shows(facet, receiver.normal, place, spot, away_m, sun) {
+                        out.push(Lit { instant: suns.instants[i], surface: facet.surface });
+                    }
+                }
+            });
+        });
         out.sort_unstable();
         // Triangles of a facet share edges.
         out.dedup();
@@ -185,5 +231,43 @@ impl<'a> MirrorRule<'a> {
                 (length - 0.5 * LIFT_M) as f32,
             );
         free && !bvh.occluded(start.as_vec3(), sun.as_vec3(), 0.0, f32::INFINITY)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::base::Silent;
+    use crate::render::mirror::tests::{receiver, roof, site, times};
+
+    /// Suns that come near, and all suns: the same instants, at every step and place on Earth.
+    #[test]
+    fn suns_that_come_near_are_as_good_as_all() {
+        let site = site(&[roof()]);
+        let receivers = [
+            receiver(30.0, 270.0, 11.0),
+            receiver(30.0, 275.0, 14.0),
+            receiver(60.0, 265.0, 14.0),
+            receiver(9.0, 100.0, 30.0),
+            receiver(4.0, 200.0, 60.0),
+        ];
+        let mut lit = 0;
+        for (latitude_deg, step_s, refraction) in
+            [(47.038, 60, false), (47.038, 20, true), (12.0, 60, false), (70.0, 27, true)]
+        {
+            let mut times = MirrorTimes { step_s, refraction, ..times() };
+            times.place.latitude_deg = latitude_deg;
+            let all = Suns::of(&times).expect("suns");
+            let rule = MirrorRule::new(&site, times, SEPARATION_DEG).expect("a rule");
+            let years = rule.years(&receivers, &Silent).expect("runs");
+            for (receiver, year) in receivers.iter().zip(&years) {
+                assert_eq!(year.lit, rule.lit(receiver, &all));
+                lit += year.lit.len();
+            }
+            let (worked_out, of) = (rule.worked_out(), all.directions.len());
+            println!("{latitude_deg}, {step_s} s: {worked_out} of {of}");
+            assert!(worked_out < of);
+        }
+        assert!(lit > 10_000, "{lit}");
     }
 }

@@ -39,10 +39,10 @@ impl MirrorTimes {
     }
 
     fn check(&self) -> Result<(), Error> {
-        if !(10..=3600).contains(&self.step_s) || 86_400 % self.step_s != 0 {
+        if !(1..=3600).contains(&self.step_s) || 86_400 % self.step_s != 0 {
             return Err(Error::Settings {
                 what: format!(
-                    "the step is {} s, expected 10 s to 1 h, a whole part of the day (10s, 30s, 1min, 5min)",
+                    "the step is {} s, expected 1 s to 1 h, a whole part of the day (1s, 10s, 1min, 5min)",
                     self.step_s
                 ),
             });
@@ -70,46 +70,55 @@ pub(super) struct Suns {
 }
 
 impl Suns {
+    /// All suns of the year: what those that are near are held against.
+    #[cfg(test)]
     pub(super) fn of(times: &MirrorTimes) -> Result<Self, Error> {
         times.check()?;
-        let per_day = times.per_day();
-        let days: Vec<Vec<(usize, f64, u32, DVec3)>> = (0..sky::days_in_year(times.year))
-            .into_par_iter()
-            .map(|day| {
-                let at = |i| (i, f64::from(i * times.step_s) / 3600.0);
-                let sun = |(i, hour)| {
-                    let geometric =
-                        sky::sun_direction(&times.place, times.model, times.year, day, hour);
-                    let sun = if times.refraction { sky::refracted(geometric) } else { geometric };
-                    let shown = sun.z > 0.0 && times.horizon.as_ref().is_none_or(|h| h.shows(sun));
-                    let (altitude, azimuth) = sky::altitude_azimuth_deg(sun);
-                    shown.then_some((row_of(altitude), azimuth, day * per_day + i, sun))
-                };
-                (0..per_day).map(at).filter_map(sun).collect()
-            })
-            .collect();
-        let mut all: Vec<_> = days.into_iter().flatten().collect();
-        if all.is_empty() {
+        let all = Self::at(times, &(0..times.instants()).collect::<Vec<_>>(), 0.0);
+        if all.directions.is_empty() {
             return Err(Error::Settings { what: "the sun never stands above the horizon".into() });
         }
+        Ok(all)
+    }
+
+    /// The suns of some instants, as far as they stand above `lowest_deg`; only where that is the
+    /// horizon do ridges count.
+    fn at(times: &MirrorTimes, instants: &[u32], lowest_deg: f64) -> Self {
+        let per_day = times.per_day();
+        let lowest = libm::sin(lowest_deg.to_radians());
+        let sun = |&instant: &u32| {
+            let (day, of_day) = (instant / per_day, instant % per_day);
+            let hour = f64::from(of_day * times.step_s) / 3600.0;
+            let geometric = sky::sun_direction(&times.place, times.model, times.year, day, hour);
+            let sun = if times.refraction { sky::refracted(geometric) } else { geometric };
+            let ridges = times.horizon.as_ref().filter(|_| lowest_deg >= 0.0);
+            let shown = sun.z > lowest && ridges.is_none_or(|h| h.shows(sun));
+            let (altitude, azimuth) = sky::altitude_azimuth_deg(sun);
+            shown.then_some((row_of(altitude), azimuth, instant, sun))
+        };
+        let mut all: Vec<(usize, f64, u32, DVec3)> =
+            instants.par_iter().with_min_len(256).filter_map(sun).collect();
         all.par_sort_unstable_by(|a, b| {
             a.0.cmp(&b.0).then(a.1.total_cmp(&b.1)).then(a.2.cmp(&b.2))
         });
         let rows = (0..ROWS)
             .map(|row| all.partition_point(|s| s.0 < row)..all.partition_point(|s| s.0 <= row))
             .collect();
-        Ok(Self {
+        Self {
             directions: all.iter().map(|s| s.3).collect(),
             azimuths: all.iter().map(|s| s.1).collect(),
             instants: all.iter().map(|s| s.2).collect(),
             rows,
-        })
+        }
     }
 
     /// Calls `visit` with ranges of suns that hold all those inside the triangle of directions
     /// `corners` (any lengths; less than a half space), and some others.
-    pub(super) fn around(&self, corners: &[DVec3; 3], mut visit: impl FnMut(Range<usize>)) {
-        let patch = Patch::around(corners);
+    pub(super) fn around(&self, corners: &[DVec3; 3], visit: impl FnMut(Range<usize>)) {
+        self.inside(&Patch::around(corners), visit);
+    }
+
+    fn inside(&self, patch: &Patch, mut visit: impl FnMut(Range<usize>)) {
         if patch.high_deg < 0.0 {
             return;
         }
@@ -135,6 +144,73 @@ impl Suns {
     }
 }
 
+/// Between the suns that are worked out first, s.
+const COARSE_S: u32 = 300;
+/// The sun moves by up to 15 degrees an hour; more where the air lifts it unevenly, near the
+/// horizon.
+const FASTEST_DEG_PER_S: f64 = 1.3 * 15.0 / 3600.0;
+/// Formulas that know the day alone let the sun jump at midnight by up to this much.
+const MIDNIGHT_DEG: f64 = 0.5;
+
+/// A year of suns of which only those are worked out that may stand in some patch of the sky: first
+/// one every five minutes, then the steps around those that come near.
+#[derive(Debug)]
+pub(super) struct Ahead {
+    times: MirrorTimes,
+    /// Steps from one coarse sun to the next.
+    stride: u32,
+    coarse: Suns,
+    /// How far a sun may be from the nearest coarse one, degrees.
+    margin_deg: f64,
+    /// Suns of the year that are shown, as far as the coarse ones tell.
+    pub shown: usize,
+}
+
+impl Ahead {
+    pub(super) fn of(times: &MirrorTimes) -> Result<Self, Error> {
+        times.check()?;
+        let stride = (COARSE_S / times.step_s).max(1);
+        let half_s = 0.5 * f64::from(stride * times.step_s);
+        let margin_deg = FASTEST_DEG_PER_S * half_s + MIDNIGHT_DEG;
+        let last = times.instants() - 1;
+        let instants = (0..last).step_by(stride as usize).chain([last]);
+        let coarse = Suns::at(times, &instants.collect::<Vec<_>>(), -margin_deg);
+        if coarse.directions.is_empty() {
+            return Err(Error::Settings { what: "the sun never stands above the horizon".into() });
+        }
+        let shows =
+            |sun: &&DVec3| sun.z > 0.0 && times.horizon.as_ref().is_none_or(|h| h.shows(**sun));
+        let shown = coarse.directions.iter().filter(shows).count() * stride as usize;
+        Ok(Self { times: times.clone(), stride, coarse, margin_deg, shown })
+    }
+
+    /// Marks the coarse suns that come near a triangle of directions.
+    pub(super) fn mark(&self, corners: &[DVec3; 3], near: &mut [bool]) {
+        let patch = Patch::around(corners).widened(self.margin_deg);
+        self.coarse.inside(&patch, |range| near[range].fill(true));
+    }
+
+    /// How many coarse suns there are.
+    pub(super) fn len(&self) -> usize {
+        self.coarse.directions.len()
+    }
+
+    /// All suns around the coarse ones that are marked.
+    pub(super) fn around(&self, near: &[bool]) -> Suns {
+        let instants = self.times.instants();
+        let mut asked = vec![false; instants.div_ceil(self.stride) as usize];
+        for (&instant, _) in self.coarse.instants.iter().zip(near).filter(|(_, near)| **near) {
+            // Between the coarse sun before and that behind.
+            let own = (instant / self.stride) as usize;
+            asked[own] = true;
+            asked[own.saturating_sub(1)] = true;
+        }
+        let spans = (0..asked.len() as u32).filter(|span| asked[*span as usize]);
+        let of = |span: u32| span * self.stride..((span + 1) * self.stride).min(instants);
+        Suns::at(&self.times, &spans.flat_map(of).collect::<Vec<_>>(), 0.0)
+    }
+}
+
 fn row_of(altitude_deg: f64) -> usize {
     // The cast saturates: below the horizon is row 0.
     ((altitude_deg / ROW_DEG) as usize).min(ROWS - 1)
@@ -153,6 +229,20 @@ struct Patch {
 const MARGIN_DEG: f64 = 1e-6;
 
 impl Patch {
+    /// With all that lies up to an angle beside it.
+    fn widened(self, by_deg: f64) -> Self {
+        let high_deg = self.high_deg + by_deg;
+        // A small circle of this radius reaches that far in azimuth.
+        let ratio =
+            libm::sin(by_deg.to_radians()) / libm::cos(self.high_deg.to_radians()).max(1e-9);
+        let turn_deg = if ratio < 1.0 { libm::asin(ratio).to_degrees() } else { 180.0 };
+        // Below the horizon altitudes are 0 here.
+        let low_deg = (self.low_deg - by_deg).max(0.0);
+        let width_deg = self.width_deg + 2.0 * turn_deg;
+        let from_deg = (self.from_deg - turn_deg).rem_euclid(360.0);
+        Self { low_deg, high_deg, from_deg, width_deg }
+    }
+
     fn around(corners: &[DVec3; 3]) -> Self {
         let angles = corners.map(sky::altitude_azimuth_deg);
         let mut low_deg = angles.iter().fold(90.0, |low: f64, a| low.min(a.0));

@@ -6,7 +6,7 @@ use crate::site::{Face, Material, Object, PvSurface, Site, Triangle};
 use crate::sky::{Place, SunModel};
 
 /// Quads, the first of them PV.
-fn site(quads: &[[DVec3; 4]]) -> Site {
+pub(super) fn site(quads: &[[DVec3; 4]]) -> Site {
     let mut triangles = Vec::new();
     let mut faces = Vec::new();
     for (i, corners) in quads.iter().enumerate() {
@@ -38,7 +38,7 @@ fn site(quads: &[[DVec3; 4]]) -> Site {
 }
 
 /// 12 x 12 m around (0, 0, 10), sloping 27 % to the west.
-fn roof() -> [DVec3; 4] {
+pub(super) fn roof() -> [DVec3; 4] {
     let normal = DVec3::new(-0.27, 0.0, 1.0).normalize();
     let x = DVec3::new(1.0, 0.0, 0.27).normalize() * 6.0;
     let y = normal.cross(x.normalize()) * 6.0;
@@ -46,7 +46,7 @@ fn roof() -> [DVec3; 4] {
     [o - x - y, o + x - y, o + x + y, o - x + y]
 }
 
-fn times() -> MirrorTimes {
+pub(super) fn times() -> MirrorTimes {
     MirrorTimes {
         place: Place {
             latitude_deg: 47.038,
@@ -62,7 +62,7 @@ fn times() -> MirrorTimes {
     }
 }
 
-fn receiver(distance_m: f64, azimuth_deg: f64, height_m: f64) -> MirrorReceiver {
+pub(super) fn receiver(distance_m: f64, azimuth_deg: f64, height_m: f64) -> MirrorReceiver {
     let a = azimuth_deg.to_radians();
     let position = DVec3::new(distance_m * libm::sin(a), distance_m * libm::cos(a), height_m);
     MirrorReceiver { position, normal: None }

@@ -6,9 +6,9 @@ use rayon::prelude::*;
 use super::ClearSky;
 use crate::base::{Frame, Grid, Progress, Purpose, Stream};
 use crate::render::eye::{EyeMaterial, SunAt};
-use crate::render::hits::{Met, first_surface};
+use crate::render::hits::{Met, surfaces_along};
 use crate::render::palette::{self, Palette};
-use crate::render::{Error, View};
+use crate::render::{Error, View, ViewRay};
 use crate::site::Site;
 
 /// Lumens of a watt in Radiance's pictures.
@@ -31,6 +31,8 @@ const LIFT_M: f64 = 2e-3;
 #[derive(Debug)]
 pub struct Moment<'a> {
     site: &'a Site,
+    /// From 0 (January): what crowns let through.
+    month: usize,
     sun: SunAt,
     /// Radiance's watts (of 179 lm) in a watt of the sun.
     watts: f64,
@@ -42,8 +44,14 @@ pub struct Moment<'a> {
 }
 
 impl<'a> Moment<'a> {
-    /// `lm_per_w`: of the sun's watts; `materials` by PV surface.
-    pub fn new(site: &'a Site, sun: SunAt, lm_per_w: f64, materials: Vec<EyeMaterial<'a>>) -> Self {
+    /// `month` from 0 (January); `lm_per_w`: of the sun's watts; `materials` by PV surface.
+    pub fn new(
+        site: &'a Site,
+        month: usize,
+        sun: SunAt,
+        lm_per_w: f64,
+        materials: Vec<EyeMaterial<'a>>,
+    ) -> Self {
         let count = SKY_RAYS * SQUARE * SQUARE;
         let golden = PI * (3.0 - 5.0_f64.sqrt());
         let directions = (0..count)
@@ -59,6 +67,7 @@ impl<'a> Moment<'a> {
             palette: Palette::of(site),
             sun_tint: tint(palette::SUN),
             site,
+            month,
             sun,
             materials,
             directions,
@@ -101,11 +110,18 @@ impl<'a> Moment<'a> {
     /// What the middle of a pixel shows, and its share of the sky's light.
     fn first(&self, view: &View, column: usize, row: usize) -> Seen {
         let Some(ray) = view.ray(column, row) else { return Seen::default() };
-        let Some(met) = first_surface(self.site, &ray) else {
+        let (mut leaves, end) = surfaces_along(self.site, &ray, self.month);
+        let pv_of = |met: &Met| {
+            let face = self.site.triangles[met.triangle as usize].face;
+            self.site.faces[face as usize].pv
+        };
+        let light_passes = leaves.last().is_none_or(|(_, share)| *share > 0.0);
+        let is_pv = light_passes && end.as_ref().and_then(pv_of).is_some();
+        leaves.truncate(1);
+        let Some(met) = leaves.pop().map(|(met, _)| met).or(end) else {
             return Seen { face: NOTHING, ..Seen::default() };
         };
         let face = self.site.triangles[met.triangle as usize].face;
-        let is_pv = self.site.faces[face as usize].pv.is_some();
         let share = (row % SQUARE) * SQUARE + column % SQUARE;
         let sky = if is_pv { Vec3::ZERO } else { self.sky_light(&met, share) };
         Seen { face, normal: met.normal, position: met.position.as_vec3(), sky, is_pv }
@@ -118,13 +134,30 @@ impl<'a> Moment<'a> {
         let mut sum = Vec3::ZERO;
         for local in self.directions.iter().skip(share).step_by(SQUARE * SQUARE) {
             let towards = frame.world_from_local(*local);
-            sum += if self.blocked(from, towards) { self.bounce() } else { self.sky(towards) };
+            let passes = self.passes(from, towards);
+            sum += self.bounce() * (1.0 - passes);
+            if passes > 0.0 {
+                sum += self.sky(towards) * passes;
+            }
         }
         sum * (std::f32::consts::PI / SKY_RAYS as f32)
     }
 
-    fn blocked(&self, from: Vec3, towards: DVec3) -> bool {
-        self.site.bvh.occluded(from, towards.as_vec3(), 0.0, f32::INFINITY)
+    /// Share of the light that comes from far away.
+    fn passes(&self, from: Vec3, towards: DVec3) -> f32 {
+        self.site.transmittance(from, towards.as_vec3(), f32::INFINITY, self.month)
+    }
+
+    /// What a ray shows: of crowns what they keep, and what is seen through them; `None`: nothing
+    /// stands in its way.
+    fn along(&self, ray: &ViewRay, mut show: impl FnMut(Option<&Met>) -> Vec3) -> Vec3 {
+        let (leaves, end) = surfaces_along(self.site, ray, self.month);
+        let (mut sum, mut left) = (Vec3::ZERO, 1.0);
+        for (met, share) in &leaves {
+            sum += show(Some(met)) * (left * (1.0 - share));
+            left *= share;
+        }
+        if left > 0.0 { sum + show(end.as_ref()) * left } else { sum }
     }
 
     /// Radiance of the sky or of the ground beyond the scene.
@@ -171,24 +204,27 @@ impl<'a> Moment<'a> {
     /// What one ray shows.
     fn through(&self, view: &View, first: &Grid<Seen>, (x, y): (f64, f64), number: u64) -> Vec3 {
         let Some(ray) = view.ray_at(x, y) else { return Vec3::ZERO };
-        let Some(met) = first_surface(self.site, &ray) else {
-            if ray.limit_m.is_finite() {
-                return Vec3::ZERO;
+        self.along(&ray, |met| {
+            let Some(met) = met else { return self.beyond(&ray) };
+            let face = self.site.triangles[met.triangle as usize].face;
+            if let Some(surface) = self.site.faces[face as usize].pv {
+                return self.pv(met, surface, ray.direction, number);
             }
-            let mut seen = self.sky(ray.direction);
-            if ray.direction.dot(self.sun.direction) > libm::cos(self.sun.radius_rad()) {
-                seen += self.sun_watts(self.sun.irradiance_w_m2 / self.sun.solid_angle_sr());
-            }
-            return seen;
-        };
-        let face = self.site.triangles[met.triangle as usize].face;
-        let pv = self.site.faces[face as usize].pv;
-        if let Some(surface) = pv {
-            return self.pv(&met, surface, ray.direction, number);
+            let sky = self.shared_sky(first, met, face, x as usize, y as usize);
+            self.diffuse(met, face, sky)
+        })
+    }
+
+    /// The sky, and the sun itself.
+    fn beyond(&self, ray: &ViewRay) -> Vec3 {
+        if ray.limit_m.is_finite() {
+            return Vec3::ZERO;
         }
-        let (column, row) = (x as usize, y as usize);
-        let sky = self.shared_sky(first, &met, face, column, row);
-        self.diffuse(&met, face, sky)
+        let mut seen = self.sky(ray.direction);
+        if ray.direction.dot(self.sun.direction) > libm::cos(self.sun.radius_rad()) {
+            seen += self.sun_watts(self.sun.irradiance_w_m2 / self.sun.solid_angle_sr());
+        }
+        seen
     }
 
     fn sun_watts(&self, watts: f64) -> Vec3 {
@@ -201,8 +237,9 @@ impl<'a> Moment<'a> {
         let cos = normal.dot(self.sun.direction);
         let from = (met.position + normal * LIFT_M).as_vec3();
         let mut light = sky;
-        if cos > 0.0 && !self.blocked(from, self.sun.direction) {
-            light += self.sun_watts(self.sun.irradiance_w_m2 * cos);
+        if cos > 0.0 {
+            let passes = self.passes(from, self.sun.direction);
+            light += self.sun_watts(self.sun.irradiance_w_m2 * cos) * passes;
         }
         self.reflectance(face, met.normal) * light * FRAC_1_PI as f32
     }
@@ -257,8 +294,11 @@ impl<'a> Moment<'a> {
         let out = frame.local_from_world(-direction);
         let to_sun = frame.local_from_world(self.sun.direction);
         let mut seen = Vec3::ZERO;
-        if to_sun.z > 0.0 && !self.blocked(from, self.sun.direction) {
-            seen += self.sun_watts(material.shine(&self.sun, to_sun, out));
+        if to_sun.z > 0.0 {
+            let passes = self.passes(from, self.sun.direction);
+            if passes > 0.0 {
+                seen += self.sun_watts(material.shine(&self.sun, to_sun, out)) * passes;
+            }
         }
         let bsdf = material.bsdf();
         let bound = bsdf.bound(out);
@@ -275,11 +315,13 @@ impl<'a> Moment<'a> {
 
     fn mirrored(&self, from: Vec3, towards: DVec3) -> Vec3 {
         let limit_m = f64::INFINITY;
-        let ray = crate::render::ViewRay { origin: from.as_dvec3(), direction: towards, limit_m };
-        let Some(met) = first_surface(self.site, &ray) else { return self.sky(towards) };
-        let face = self.site.triangles[met.triangle as usize].face;
-        let sky = (self.sky(DVec3::Z) + self.bounce()) * (0.5 * std::f32::consts::PI);
-        self.diffuse(&met, face, sky)
+        let ray = ViewRay { origin: from.as_dvec3(), direction: towards, limit_m };
+        self.along(&ray, |met| {
+            let Some(met) = met else { return self.sky(towards) };
+            let face = self.site.triangles[met.triangle as usize].face;
+            let sky = (self.sky(DVec3::Z) + self.bounce()) * (0.5 * std::f32::consts::PI);
+            self.diffuse(met, face, sky)
+        })
     }
 }
 

@@ -120,12 +120,6 @@ impl Reader<'_> {
                 limits::MAX_VIEW_PIXELS
             )));
         }
-        if t.fuse && t.estimator == "direct" {
-            return Err(self.wrong(format!(
-                "view.{}: `fuse` works in batches of photons, which `estimator = \"direct\"` has none of; leave one out",
-                t.name
-            )));
-        }
         if t.fuse && t.both_quantities {
             return Err(self.wrong(format!(
                 "view.{}: `fuse` keeps no series, so `both_quantities` has none to add; leave one out",

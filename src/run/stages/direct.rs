@@ -6,13 +6,19 @@ use std::time::Instant;
 use glintmap_formats::npy;
 use serde_json::json;
 
-use super::render::{attributes, names, peak, read_hits, writer};
+use super::fused;
+use super::passing::InAir;
+use super::receivers::read_points;
+use super::render::{About, attributes, names, peak, read_hits, write_peak, writer};
 use crate::base::{Grid, SinkError, TileRect, TileSink, limits, tiles};
 use crate::picture::{exr, hdr};
-use crate::render::{self, Direct, DirectScene, DirectSinks, HitMap, PvSight, Quantity, TileYear};
+use crate::render::{
+    self, Direct, DirectScene, DirectSinks, FusedDirect, HitMap, PvSight, Quantity, TileYear,
+};
 use crate::run::job::{Job, Stage};
 use crate::run::resolve::{Candidate, PlannedView};
 use crate::run::{Error, Folder};
+use crate::volume::TimeAxis;
 
 /// Integrates a view; `sight` is kept from one to the next. The sums of the year wait, tile by
 /// tile, beside the series until all tiles are there: so an interrupted run needs no tile twice.
@@ -28,32 +34,22 @@ pub(super) fn maps(
         return Ok(());
     }
     let began = Instant::now();
-    let hits = read_hits(job, view)?;
+    let mut hits = read_hits(job, view)?;
+    if view.points.is_some() {
+        // What is integrated needs no surface to land on.
+        if let Some(air) = InAir::of(&read_points(&job.folder, view)?, view) {
+            hits = air.lifted(hits);
+        }
+    }
     let waiting = job.folder.waiting_tiles(&candidate.name, &view.name);
     let folder = job.folder.prepare(&waiting.join("tile"))?;
     let folder = folder.parent().unwrap_or(Path::new("")).to_owned();
     let quantity = job.resolved.quantity;
-    let other = match quantity {
-        Quantity::Surface => Quantity::Normal,
-        Quantity::Normal => Quantity::Surface,
-    };
-    let writer_of = |quantity| writer(job, candidate, view, (&key, quantity), &hits);
-    let other = view.both.then(|| Ok::<_, Error>((other, writer_of(other)?))).transpose()?;
-    let writer = writer_of(quantity)?;
-    let site = job.site()?;
-    let scene = DirectScene {
-        site,
-        timeline: job.timeline()?,
-        bsdfs: site.pv.iter().map(|s| &candidate.bsdfs[s.entry]).collect(),
-        max_path_m: job.resolved.trace.max_path_m,
-        sun_visibility: job.resolved.trace.sun_visibility,
-    };
     if sight.is_none() {
-        let (suns, free) = (job.timeline()?, scene.sun_visibility);
-        *sight = Some(PvSight::new(site, suns, free, job.progress)?);
+        *sight = Some(sees(job)?);
     }
     let Some(sight) = sight else { return Ok(()) };
-    let direct = Direct::new(scene, sight)?;
+    let direct = Direct::new(scene(job, candidate)?, sight)?;
     let keep = |tile: TileRect, year: &TileYear| {
         let all = [&year.surface_wh_m2, &year.normal_wh_m2, &year.error_wh_m2];
         let values: Vec<f32> = all.into_iter().flatten().copied().collect();
@@ -61,26 +57,109 @@ pub(super) fn maps(
         npy::write(&path, &[all.len(), tile.rows, tile.columns], &values)
             .map_err(|e| SinkError::Io(std::io::Error::other(e)))
     };
+    let about = [("material", candidate.name.as_str()), ("view", view.name.as_str())];
+    let about = (key.as_str(), &about[..]);
+    let mut outputs = Vec::new();
+    let facts = if view.fuse {
+        let axis = TimeAxis::from(job.timeline()?);
+        let thresholds = &job.resolved.project.glare.thresholds_w_m2;
+        let made = analyse(job, &axis, view, (&direct, &hits), thresholds, &keep)?;
+        job.progress.finish();
+        let fused::Made { rendered, peak, analyses, batches } = made;
+        let told = rendered.summary;
+        outputs.push(write_peak(job, candidate, view, about, quantity, &peak)?);
+        fused::record(job, candidate, view, &axis, analyses, began)?;
+        json!({ "integrated": told, "batches": batches })
+    } else {
+        let from = (&direct, &hits);
+        written(job, candidate, view, from, (about, quantity), &keep, &mut outputs)?
+    };
+    outputs.extend(annual(job, &folder, &hits, candidate, view, &key)?);
+    job.remove(&waiting)?;
+    job.done(&unit, &key, &outputs, began, facts)
+}
+
+/// Takes a tile's sums over the year.
+type Keep<'a> = &'a (dyn Fn(TileRect, &TileYear) -> Result<(), SinkError> + Sync);
+
+/// Writes the series, and the peaks; what is to be told of it.
+fn written(
+    job: &Job<'_>,
+    candidate: &Candidate,
+    view: &PlannedView,
+    (direct, hits): (&Direct<'_>, &HitMap),
+    (about, quantity): (About<'_>, Quantity),
+    keep: Keep<'_>,
+    outputs: &mut Vec<PathBuf>,
+) -> Result<serde_json::Value, Error> {
+    let other = match quantity {
+        Quantity::Surface => Quantity::Normal,
+        Quantity::Normal => Quantity::Surface,
+    };
+    let writer_of = |quantity| writer(job, candidate, view, (about.0, quantity), hits);
+    let other = view.both.then(|| Ok::<_, Error>((other, writer_of(other)?))).transpose()?;
+    let writer = writer_of(quantity)?;
     let sinks = DirectSinks {
         series: (quantity, &writer),
         other: other.as_ref().map(|(quantity, writer)| (*quantity, writer as &dyn TileSink)),
-        keep: &keep,
+        keep,
     };
-    let told = render::direct_series(&direct, &hits, sinks, job.progress)?;
+    let told = render::direct_series(direct, hits, sinks, job.progress)?;
     job.progress.finish();
     let written = writer.finish()?;
-    let mut outputs = annual(job, &folder, &hits, candidate, view, &key)?;
-    let about = [("material", candidate.name.as_str()), ("view", view.name.as_str())];
     let series = |quantity| job.folder.map(&candidate.name, &view.name, names(job, quantity).0);
     outputs.push(series(quantity));
-    outputs.push(peak(job, candidate, view, (&key, &about), quantity)?);
+    outputs.push(peak(job, candidate, view, about, quantity)?);
     if let Some((quantity, writer)) = other {
         writer.finish()?;
         outputs.push(series(quantity));
-        outputs.push(peak(job, candidate, view, (&key, &about), quantity)?);
+        outputs.push(peak(job, candidate, view, about, quantity)?);
     }
-    job.remove(&waiting)?;
-    job.done(&unit, &key, &outputs, began, json!({ "series": written, "integrated": told }))
+    Ok(json!({ "series": written, "integrated": told }))
+}
+
+fn scene<'a>(job: &'a Job<'_>, candidate: &'a Candidate) -> Result<DirectScene<'a>, Error> {
+    let site = job.site()?;
+    Ok(DirectScene {
+        site,
+        timeline: job.timeline()?,
+        bsdfs: site.pv.iter().map(|s| &candidate.bsdfs[s.entry]).collect(),
+        max_path_m: job.resolved.trace.max_path_m,
+        sun_visibility: job.resolved.trace.sun_visibility,
+    })
+}
+
+/// What the PV sees of the suns.
+fn sees(job: &Job<'_>) -> Result<PvSight, Error> {
+    let free = job.resolved.trace.sun_visibility;
+    Ok(PvSight::new(job.site()?, job.timeline()?, free, job.progress)?)
+}
+
+fn analyse<'a, 'd>(
+    job: &Job<'_>,
+    axis: &'a TimeAxis,
+    view: &PlannedView,
+    (direct, hits): (&'d Direct<'d>, &'d HitMap),
+    thresholds: &[f64],
+    keep: Keep<'_>,
+) -> Result<fused::Made<'a, FusedDirect<'d>>, Error> {
+    fused::analyse(job, axis, view, hits, thresholds, |whole| {
+        let to = (job.resolved.quantity, whole);
+        Ok(FusedDirect::prepare(direct, hits, to, keep, job.progress)?)
+    })
+}
+
+/// Analyses a fused view again.
+pub(super) fn fused<'a>(
+    job: &Job<'_>,
+    axis: &'a TimeAxis,
+    candidate: &Candidate,
+    view: &PlannedView,
+    thresholds: &[f64],
+) -> Result<Vec<fused::Analysed<'a>>, Error> {
+    let (hits, sight) = (read_hits(job, view)?, sees(job)?);
+    let direct = Direct::new(scene(job, candidate)?, &sight)?;
+    Ok(analyse(job, axis, view, (&direct, &hits), thresholds, &|_, _| Ok(()))?.analyses)
 }
 
 /// The year's maps from the tiles that wait.

@@ -7,12 +7,11 @@ use serde_json::json;
 
 use super::band::{Band, Counter, each_slice};
 use super::glare::{Made as Kept, keep, provenance};
-use crate::base::{Grid, SeriesEntry, SinkError, TileRect, TileSink, limits};
+use crate::base::{Grid, Progress, SeriesEntry, SinkError, TileRect, TileSink, limits};
 use crate::glare::{
     self, Analysis, Calendar, Plan, Regular, Session, Slices, TileBatch, YearRows, YearTiles,
 };
-use crate::pages::Store;
-use crate::render::{Fused, Gather, HitMap, Series, Surfaces};
+use crate::render::{Fused, FusedDirect, HitMap};
 use crate::run::Error;
 use crate::run::clock::Clock;
 use crate::run::job::Job;
@@ -22,9 +21,63 @@ use crate::volume::{TimeAxis, segments_from_numbers};
 /// Bytes of a batch for each number in it: in the batch, and while its tiles are put in order.
 const ENTRY_BYTES: u64 = 16;
 
+/// A view whose series comes in batches of timesteps.
+pub(super) trait Batches {
+    /// Numbers other than 0 in all pixels, by timestep.
+    fn entries(&self) -> &[u64];
+
+    /// The irradiance that one photon stands for at each pixel, W/m2; `None` without photons.
+    fn photon_w_m2(&self) -> Option<&Grid<f32>>;
+
+    fn batch(
+        &self,
+        timesteps: Range<u32>,
+        sink: &dyn TileSink,
+        progress: &dyn Progress,
+    ) -> Result<(), crate::render::Error>;
+}
+
+impl Batches for Fused<'_> {
+    fn entries(&self) -> &[u64] {
+        &self.entries
+    }
+
+    fn photon_w_m2(&self) -> Option<&Grid<f32>> {
+        Some(&self.series.photon_w_m2)
+    }
+
+    fn batch(
+        &self,
+        timesteps: Range<u32>,
+        sink: &dyn TileSink,
+        progress: &dyn Progress,
+    ) -> Result<(), crate::render::Error> {
+        Fused::batch(self, timesteps, sink, progress)
+    }
+}
+
+impl Batches for FusedDirect<'_> {
+    fn entries(&self) -> &[u64] {
+        &self.entries
+    }
+
+    fn photon_w_m2(&self) -> Option<&Grid<f32>> {
+        None
+    }
+
+    fn batch(
+        &self,
+        timesteps: Range<u32>,
+        sink: &dyn TileSink,
+        progress: &dyn Progress,
+    ) -> Result<(), crate::render::Error> {
+        FusedDirect::batch(self, timesteps, sink, progress)
+    }
+}
+
 /// What a fused view gives.
-pub(super) struct Made<'a> {
-    pub series: Series,
+pub(super) struct Made<'a, B> {
+    pub rendered: B,
     pub peak: Grid<f32>,
     pub analyses: Vec<Analysed<'a>>,
     pub batches: usize,
@@ -54,16 +107,17 @@ impl TileSink for All<'_, '_> {
 
 /// Renders a view batch by batch and analyses it at `thresholds`. The same integers as an
 /// analysis of the written series gives, because filter and events never cross a segment.
-pub(super) fn analyse<'a>(
+/// `prepare` goes through the whole year once; a sink gets each tile's.
+pub(super) fn analyse<'a, B: Batches>(
     job: &Job<'_>,
     axis: &'a TimeAxis,
     view: &PlannedView,
-    (store, surfaces, hits): (&Store, Option<&Surfaces<'_>>, &HitMap),
-    gather: &Gather,
+    hits: &HitMap,
     thresholds: &[f64],
-) -> Result<Made<'a>, Error> {
+    prepare: impl FnOnce(Option<&dyn TileSink>) -> Result<B, Error>,
+) -> Result<Made<'a, B>, Error> {
     let (progress, timeline) = (job.progress, job.timeline()?);
-    let (quantity, spill) = (job.resolved.quantity, job.folder.root());
+    let spill = job.folder.root();
     let mut years = Vec::new();
     let clock_h = Clock::new(&job.resolved.project.site, axis.year).hours(axis);
     for &threshold in thresholds.iter().filter(|_| view.points.is_none()) {
@@ -72,7 +126,9 @@ pub(super) fn analyse<'a>(
     }
     let whole = (!years.is_empty()).then_some(All(&years));
     let whole = whole.as_ref().map(|all| all as &dyn TileSink);
-    let fused = Fused::prepare(store, surfaces, hits, gather, (quantity, whole), progress)?;
+    let rendered = prepare(whole)?;
+    let no_noise = Grid::filled(hits.columns, hits.rows, 0.0);
+    let photon_w_m2 = rendered.photon_w_m2().unwrap_or(&no_noise);
     let shape = [timeline.steps.len(), hits.rows, hits.columns];
     let memory = job.resolved.glare.memory_bytes / 4;
     let settings = glare::Settings {
@@ -93,15 +149,15 @@ pub(super) fn analyse<'a>(
         let plan = Plan::new(analysed, 1, true, false, &settings)?;
         let calendar = Calendar { day, weight_h };
         let session = Session::begin(analysed, Some(calendar), &settings, &plan)?;
-        sessions.push((session, Counter::new(threshold, &fused.series.photon_w_m2)));
+        sessions.push((session, Counter::new(threshold, photon_w_m2)));
     }
-    let batches = batches(&segments, &fused.entries, memory / ENTRY_BYTES);
+    let batches = batches(&segments, rendered.entries(), memory / ENTRY_BYTES);
     let mut peak = Grid::filled(hits.columns, hits.rows, 0.0f32);
     for batch in &batches {
         let range = segments[batch.start].start..segments[batch.end - 1].end;
         let tiles = TileBatch::new(shape, range.clone());
         progress.begin("batch of the year", range.len() as u64, "timesteps");
-        fused.batch(range.start as u32..range.end as u32, &tiles, progress)?;
+        rendered.batch(range.start as u32..range.end as u32, &tiles, progress)?;
         each_slice(&tiles, range, progress, |timestep, slice| {
             for (peak, &value) in peak.data_mut().iter_mut().zip(slice) {
                 *peak = peak.max(value);
@@ -126,7 +182,7 @@ pub(super) fn analyse<'a>(
         let (analysis, band, year) = (session.finish()?, counter.finish(), years.next());
         analyses.push(Analysed { threshold, analysis, band, year });
     }
-    Ok(Made { series: fused.series, peak, analyses, batches: batches.len() })
+    Ok(Made { rendered, peak, analyses, batches: batches.len() })
 }
 
 /// Cuts the year into runs of segments whose numbers (`entries` of a timestep) are at most `most`;

@@ -4,8 +4,8 @@ use std::time::Instant;
 use serde_json::json;
 
 use super::band::{self, Band};
-use super::fused;
 use super::render::{self, attributes};
+use super::{direct, fused};
 use crate::base::Grid;
 use crate::glare::{self, Analysis, Regular, Slices, YearRows};
 use crate::picture::exr;
@@ -50,7 +50,11 @@ fn one(
     if view.fuse {
         // Rendered before, but not analysed at this threshold.
         let axis = TimeAxis::from(job.timeline()?);
-        let analyses = render::fused(job, &axis, candidate, view, &[threshold])?.analyses;
+        let analyses = if view.direct {
+            direct::fused(job, &axis, candidate, view, &[threshold])?
+        } else {
+            render::fused(job, &axis, candidate, view, &[threshold])?
+        };
         return fused::record(job, candidate, view, &axis, analyses, began);
     }
     let volume = Volume::open(&job.folder.at(&job.folder.series(&candidate.name, &view.name)))?;

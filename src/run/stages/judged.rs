@@ -120,7 +120,7 @@ fn metrics(job: &Job<'_>, group: &GroupReceived, eye: Option<&EyeYear>, pv_m2: f
     }
     let half_year = job.resolved.project.time.half_year;
     if let (Some(eye), true) = (eye, group.not_evaluated.is_some()) {
-        // Photons don't land in free air; the eye's irradiance is integrated there.
+        // Photons don't land on what sends them; the eye's irradiance is integrated there.
         let peak = match job.resolved.quantity {
             crate::render::Quantity::Surface => eye.irradiance_w_m2,
             crate::render::Quantity::Normal => eye.normal_w_m2,

@@ -93,6 +93,11 @@ fn camera(job: &Job<'_>, moment: &PlannedMoment) -> Result<View, Error> {
     Ok(View::parse(&options, columns, rows)?)
 }
 
+/// From 0 (January).
+fn month(job: &Job<'_>, moment: &PlannedMoment) -> usize {
+    sky::date_of_day(job.resolved.times.year, moment.day).0.saturating_sub(1) as usize
+}
+
 /// The sun at the instant, as a timeline of one timestep has it.
 fn instant(job: &Job<'_>, moment: &PlannedMoment) -> Result<(Timestep, f64, f64), Error> {
     let resolved = job.resolved;
@@ -128,7 +133,7 @@ fn take(
     let site = job.site()?;
     let each: Vec<EyeMaterial<'_>> = candidate.bsdfs.iter().map(EyeMaterial::new).collect();
     let materials: Vec<_> = site.pv.iter().map(|s| each[s.entry]).collect();
-    let scene = Moment::new(site, sun, lm_per_w, materials.clone());
+    let scene = Moment::new(site, month(job, moment), sun, lm_per_w, materials.clone());
     let picture = scene.paint(&view, job.progress)?;
     let name = |end: &str| file(job, candidate, moment, end);
     let facts = facts(job, moment, candidate, &view, (&sun, lm_per_w), &materials, &picture)?;
@@ -190,7 +195,7 @@ fn facts(
         return Ok(out);
     }
     let pv = EyePv::new(job.site()?);
-    let month = sky::date_of_day(job.resolved.times.year, moment.day).0.saturating_sub(1) as usize;
+    let month = month(job, moment);
     let seen = pv.seen(Eye { position: view.point(), direction: view.direction() }, month);
     let lit = pv.lit(sun.direction, &seen, month);
     let mut glints = Vec::new();

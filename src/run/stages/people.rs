@@ -307,7 +307,7 @@ fn receiver(
     Ok(out)
 }
 
-/// An observer in free air: photons don't land there, the eye's irradiance is integrated.
+/// An observer on the PV: photons don't land there, the eye's irradiance is integrated.
 fn eye_told(clock: &Clock, eye: &EyeYear) -> Vec<String> {
     let mut out = Vec::new();
     for time in &eye.times {
@@ -381,11 +381,15 @@ fn where_it_is(group: &GroupReceived) -> String {
     let mut parts = Vec::new();
     match (group.kind, group.points) {
         (_, 0) => {}
+        (Kind::Observer, _) if group.in_air > 0 => parts.push("an observer in free air".into()),
         (Kind::Observer, _) => parts.push("an observer on a surface".into()),
         (_, n) if group.area_m2 > 0.0 => {
             parts.push(format!("{n} points on {:.0} m²", group.area_m2));
         }
         (_, n) => parts.push(format!("{n} points")),
+    }
+    if group.in_air > 0 && group.kind != Kind::Observer {
+        parts.push(format!("{} of them in free air", group.in_air));
     }
     match &group.pv {
         Some(pv) => parts.push(format!(

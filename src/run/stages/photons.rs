@@ -8,7 +8,7 @@ use glintmap_formats::seal;
 use serde::{Deserialize, Serialize};
 use serde_json::json;
 
-use crate::base::{Photon, PhotonSink, SinkError, Tally};
+use crate::base::{Aabb, Photon, PhotonSink, SinkError, Tally};
 use crate::pages::{self, Spill};
 use crate::run::job::{Job, Stage};
 use crate::run::manifest::key_of;
@@ -30,14 +30,23 @@ pub(in crate::run) struct Traced {
     pub effective_photons: f64,
 }
 
+impl Traced {
+    /// What the stage `trace` left of a candidate.
+    pub fn read(job: &Job<'_>, candidate: &Candidate) -> Result<Self, Error> {
+        let path = job.folder.at(&job.folder.tally(&candidate.name));
+        let text = fs::read(&path).map_err(|source| Error::Read { path: path.clone(), source })?;
+        serde_json::from_slice(&text).map_err(|e| Error::Manifest { path, message: e.to_string() })
+    }
+}
+
 /// Which units of a plan are in a spill, and from which settings: the note of its checkpoints, and
 /// `traced.json` beside the completed spill of a share.
 #[derive(Debug, Deserialize, Serialize)]
-struct Done {
+pub(super) struct Done {
     key: String,
     shard: Option<Shard>,
-    plan: Plan,
-    units: Vec<(u64, Tally)>,
+    pub plan: Plan,
+    pub units: Vec<(u64, Tally)>,
 }
 
 impl Done {
@@ -46,7 +55,7 @@ impl Done {
     }
 
     /// The tally of all units, which must be complete.
-    fn tally(mut units: Vec<(u64, Tally)>, plan: &Plan) -> Option<Tally> {
+    pub fn tally(mut units: Vec<(u64, Tally)>, plan: &Plan) -> Option<Tally> {
         units.sort_by_key(|(unit, _)| *unit);
         let whole = units.iter().map(|(unit, _)| *unit).eq(0..plan.units());
         let mut sum = Tally::default();
@@ -123,7 +132,7 @@ pub(in crate::run) fn trace(job: &mut Job<'_>) -> Result<(), Error> {
                 pages::join(&parts, &spill, memory, job.progress)?;
                 done
             }
-            None => fill(job, candidate, &key, None, &spill)?,
+            None => land(job, candidate, &key, None, &spill)?,
         };
         let Some(tally) = Done::tally(units, &plan) else {
             let path = job.folder.at(&job.folder.shards(&candidate.name));
@@ -139,8 +148,8 @@ pub(in crate::run) fn trace(job: &mut Job<'_>) -> Result<(), Error> {
     Ok(())
 }
 
-/// Traces what is missing in a spill, from its last checkpoint on, and completes it.
-fn fill(
+/// Fills a spill with the photons of a candidate that land.
+fn land(
     job: &Job<'_>,
     candidate: &Candidate,
     key: &str,
@@ -156,24 +165,57 @@ fn fill(
         bsdfs: site.pv.iter().map(|s| &candidate.bsdfs[s.entry]).collect(),
         settings: resolved.trace,
     };
+    let filling = Filling {
+        name: &candidate.name,
+        key,
+        shard,
+        stage: Stage::Trace,
+        spill,
+        bounds: site.bounds,
+        expected: resolved.trace.stored / shard.map_or(1, |s| u64::from(s.of)),
+    };
+    fill(job, &Tracer::new(&emission)?, &filling)
+}
+
+/// What a spill is filled for.
+pub(super) struct Filling<'a> {
+    /// For people.
+    pub name: &'a str,
+    /// What decides the photons.
+    pub key: &'a str,
+    pub shard: Option<Shard>,
+    /// The stage; where that is forced, nothing is gone on with.
+    pub stage: Stage,
+    pub spill: &'a Path,
+    /// Where photons lie.
+    pub bounds: Aabb,
+    /// How many, about.
+    pub expected: u64,
+}
+
+/// Traces what is missing in a spill, from its last checkpoint on, and completes it.
+pub(super) fn fill(
+    job: &Job<'_>,
+    tracer: &Tracer<'_>,
+    filling: &Filling<'_>,
+) -> Result<Done, Error> {
+    let &Filling { name, key, shard, stage, spill, bounds, expected } = filling;
     let memory = job.options.memory_bytes / 4;
-    let expected = resolved.trace.stored / shard.map_or(1, |s| u64::from(s.of));
     let read = |note: &str| serde_json::from_str::<Done>(note).ok();
-    let forced = job.options.force.is_some_and(|f| f <= Stage::Trace);
+    let forced = job.is_forced(stage);
     // A spill that isn't sealed, or was made from other settings, is of no use.
     let accept = |note: &str| !forced && read(note).is_some_and(|done| done.fits(key, shard));
-    let resumed = Spill::resume(spill, site.bounds, expected, memory, accept)?;
+    let resumed = Spill::resume(spill, bounds, expected, memory, accept)?;
     let resumed = resumed.and_then(|(spill, note)| Some((spill, read(&note)?)));
-    let tracer = Tracer::new(&emission)?;
     let mut keeper = match resumed {
         Some((spill, done)) => {
             let (have, all) = (done.units.len(), done.plan.units());
-            job.progress.say(&format!("{}: goes on after {have} of {all} units", candidate.name));
+            job.progress.say(&format!("{name}: goes on after {have} of {all} units"));
             Keeper { spill, done, sealed: Some(Instant::now()) }
         }
         None => {
-            let new = Spill::create(spill, site.bounds, expected, memory)?;
-            job.progress.say(&format!("{}: pilot", candidate.name));
+            let new = Spill::create(spill, bounds, expected, memory)?;
+            job.progress.say(&format!("{name}: pilot"));
             let plan = tracer.plan(job.progress)?;
             let done = Done { key: key.to_owned(), shard, plan, units: Vec::new() };
             Keeper { spill: new, done, sealed: None }
@@ -206,7 +248,7 @@ fn share(job: &mut Job<'_>, candidate: &Candidate, key: &str, shard: Shard) -> R
     let began = Instant::now();
     job.remove(&folder.join(SHARE))?;
     let spill = job.folder.prepare(&folder.join("spill"))?;
-    let done = fill(job, candidate, key, Some(shard), &spill)?;
+    let done = land(job, candidate, key, Some(shard), &spill)?;
     write(&path, &done)?;
     let units = done.units.len();
     job.progress.say(&format!("{}: {units} of {} units", name, done.plan.units()));
@@ -297,11 +339,7 @@ pub(in crate::run) fn pages(job: &mut Job<'_>) -> Result<(), Error> {
             job.manifest.units.remove(&unit("trace", candidate));
             trace(job)?;
         }
-        let tally_path = job.folder.at(&job.folder.tally(&candidate.name));
-        let text = fs::read(&tally_path)
-            .map_err(|source| Error::Read { path: tally_path.clone(), source })?;
-        let traced: Traced = serde_json::from_slice(&text)
-            .map_err(|e| Error::Manifest { path: tally_path, message: e.to_string() })?;
+        let traced = Traced::read(job, candidate)?;
         let store_name = job.folder.store(&candidate.name);
         let store = job.folder.prepare(&store_name)?;
         let (site, timeline) = (job.site()?, job.timeline()?);

@@ -9,18 +9,19 @@ use glintmap_formats::seal;
 use serde_json::json;
 
 use super::judged::class;
+use super::passing::Crossings;
 use super::pictures::read;
 use super::render::read_hits;
 use crate::glare::Lengths;
 use crate::glare::rules::Class;
 use crate::pages::{Access, OpenOptions, Store};
 use crate::render::sensors;
-use crate::run::Error;
 use crate::run::clock::Clock;
 use crate::run::job::{Job, Stage};
 use crate::run::points::{PointSet, Spreader};
 use crate::run::received::{Reader, Received};
 use crate::run::resolve::{Candidate, PlannedView, Points};
+use crate::run::{Error, Folder};
 use crate::volume::{TimeAxis, Volume};
 
 /// Clock times at which glare outdoors counts, h.
@@ -68,8 +69,8 @@ pub(in crate::run) fn place(job: &mut Job<'_>, set: &PlannedView) -> Result<(), 
 }
 
 /// The groups of a set, from their file.
-pub(in crate::run) fn read_points(job: &Job<'_>, set: &PlannedView) -> Result<PointSet, Error> {
-    let path = job.folder.at(&job.folder.points(&set.name));
+pub(in crate::run) fn read_points(folder: &Folder, set: &PlannedView) -> Result<PointSet, Error> {
+    let path = folder.at(&folder.points(&set.name));
     let text = std::fs::read(&path).map_err(|source| Error::Read { path: path.clone(), source })?;
     serde_json::from_slice(&text).map_err(|e| Error::Manifest { path, message: e.to_string() })
 }
@@ -107,7 +108,20 @@ fn one(
     let hits = read_hits(job, set)?;
     let volume = Volume::open(&job.folder.at(&job.folder.series(&candidate.name, &set.name)))?;
     let options = OpenOptions { cache_bytes: job.options.page_cache_bytes, access: Access::Mapped };
-    let store = Store::open(&job.folder.at(&job.folder.store(&candidate.name)), &options)?;
+    let path = job.folder.at(&job.folder.store(&candidate.name));
+    // Where nothing is made of photons there may be none.
+    let store = (!set.direct || path.exists()).then(|| Store::open(&path, &options)).transpose()?;
+    let points = read_points(&job.folder, set)?;
+    let air = match set.direct {
+        true => None,
+        false => Crossings::open(
+            &job.folder,
+            &candidate.name,
+            (&points, set),
+            job.options.page_cache_bytes,
+        )?,
+    };
+    let surfaces: Vec<String> = job.site()?.pv.iter().map(|s| s.name.clone()).collect();
     let axis = TimeAxis::from(job.timeline()?);
     let clock = Clock::new(&job.resolved.project.site, axis.year);
     let civil = TimeAxis { hour: clock.hours(&axis), ..axis.clone() };
@@ -132,9 +146,16 @@ fn one(
         axis: &axis,
         lengths: Lengths::of(&axis)?,
         civil: &civil,
-        store: &store,
+        store: store.as_ref(),
+        air: air.as_ref(),
+        exact: set.direct,
+        surfaces: &surfaces,
         bandwidth,
-        max_radius_m: set.annual.max_radius_m.unwrap_or_else(|| store.max_radius_m(bandwidth)),
+        max_radius_m: set
+            .annual
+            .max_radius_m
+            .or_else(|| Some(store.as_ref()?.max_radius_m(bandwidth)))
+            .unwrap_or_default(),
         thresholds,
         annual: annual.data(),
         filtered: &filtered,
@@ -143,7 +164,7 @@ fn one(
     let mut outputs = Vec::new();
     let mut all = Received { clock: clock.zone(), groups: Vec::new() };
     let mut table = sheet::head(thresholds);
-    let groups = read_points(job, set)?.groups;
+    let groups = points.groups;
     job.progress.begin("receivers", groups.len() as u64, "receivers");
     for (number, group) in groups.iter().enumerate() {
         job.progress.check()?;
@@ -160,7 +181,7 @@ fn one(
         if reading.group.not_evaluated.is_none() {
             let name = map(&format!("{}.csv", occurrence(number, &group.name)));
             let path = job.folder.prepare(&name)?;
-            let text = sheet::occurrence(&reading, &store.info().surfaces, &clock, &axis);
+            let text = sheet::occurrence(&reading, &surfaces, &clock, &axis);
             seal::write_bytes(&path, text.as_bytes())
                 .map_err(|source| Error::Write { path, source })?;
             outputs.push(name);
@@ -175,7 +196,8 @@ fn one(
         seal::write_bytes(&path, &bytes).map_err(|source| Error::Write { path, source })?;
         outputs.push(map(name));
     }
-    let facts = json!({ "receivers": all.groups.len(), "cache": store.cache_stats() });
+    let cache = store.as_ref().map(Store::cache_stats);
+    let facts = json!({ "receivers": all.groups.len(), "cache": cache });
     job.done(unit, key, &outputs, began, facts)
 }
 

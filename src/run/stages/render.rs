@@ -7,10 +7,11 @@ use serde_json::json;
 
 use super::direct;
 use super::noted::Noted;
-use crate::base::{Grid, SpectralBasis};
+use super::passing;
+use crate::base::{Grid, SpectralBasis, TileSink};
 use crate::pages::{Access, OpenOptions, Store};
 use crate::picture::{self, exr, hdr};
-use crate::render::{self, Gather, HitMap, Quantity, Series, Surfaces};
+use crate::render::{self, Fused, Gather, HitMap, Passed, Quantity, Series, Surfaces};
 use crate::run::Error;
 use crate::run::cpu::Watch;
 use crate::run::job::{Job, Stage};
@@ -122,31 +123,37 @@ fn maps(job: &mut Job<'_>, candidate: &Candidate, view: &PlannedView) -> Result<
     let about = (key.as_str(), &about[..]);
     let surfaces = view.annual.edges.then(|| job.site().map(Surfaces::of)).transpose()?;
     let made_from = (&store, surfaces.as_ref(), &hits);
-    let (mut outputs, annual_took) = annual(job, made_from, candidate, view, about)?;
+    let air = passing::crossings(job, candidate, view, &hits)?;
+    let air = air.as_ref().map(passing::Made::passed);
+    let (mut outputs, annual_took) = annual(job, made_from, air, candidate, view, about)?;
+    if air.is_some() {
+        outputs.push(passing::store_name(job, candidate, view));
+    }
     let annual_cache = store.cache_stats();
     let watch = Watch::start();
     let (series, written) = if view.fuse {
         let thresholds = &job.resolved.project.glare.thresholds_w_m2;
         let axis = TimeAxis::from(job.timeline()?);
         let gather = series_gather(job, view)?;
-        let made = super::fused::analyse(job, &axis, view, made_from, &gather, thresholds)?;
+        let made = analysed(job, &axis, view, made_from, &gather, thresholds)?;
         job.progress.finish();
-        super::fused::record(job, candidate, view, &axis, made.analyses, began)?;
-        let name = job.folder.map(&candidate.name, &view.name, "peak.exr");
-        let channel = peak_channel(job.resolved.quantity);
-        let path = job.folder.prepare(&name)?;
-        exr::write(&path, &[(channel, &made.peak)], &attributes(job, about.0, about.1))?;
-        outputs.push(name);
-        (made.series, json!({ "batches": made.batches }))
+        let super::fused::Made { rendered, peak, analyses, batches } = made;
+        let (series, quantity) = (rendered.series, job.resolved.quantity);
+        outputs.push(write_peak(job, candidate, view, about, quantity, &peak)?);
+        super::fused::record(job, candidate, view, &axis, analyses, began)?;
+        (series, json!({ "batches": batches }))
     } else {
         let quantity = job.resolved.quantity;
-        let made = written(job, made_from, candidate, view, (about, quantity), &mut outputs)?;
+        let mut written = |quantity| {
+            written(job, made_from, air, candidate, view, (about, quantity), &mut outputs)
+        };
+        let made = written(quantity)?;
         if view.both {
             let other = match quantity {
                 Quantity::Surface => Quantity::Normal,
                 Quantity::Normal => Quantity::Surface,
             };
-            written(job, made_from, candidate, view, (about, other), &mut outputs)?;
+            written(other)?;
         }
         made
     };
@@ -182,13 +189,27 @@ pub(super) fn fused<'a>(
     candidate: &Candidate,
     view: &PlannedView,
     thresholds: &[f64],
-) -> Result<super::fused::Made<'a>, Error> {
+) -> Result<Vec<super::fused::Analysed<'a>>, Error> {
     let hits = read_hits(job, view)?;
     let store = open_store(job, candidate)?;
     let gather = series_gather(job, view)?;
     let surfaces = gather.edges.then(|| job.site().map(Surfaces::of)).transpose()?;
     let from = (&store, surfaces.as_ref(), &hits);
-    super::fused::analyse(job, axis, view, from, &gather, thresholds)
+    Ok(analysed(job, axis, view, from, &gather, thresholds)?.analyses)
+}
+
+fn analysed<'a, 's>(
+    job: &Job<'_>,
+    axis: &'a TimeAxis,
+    view: &PlannedView,
+    (store, surfaces, hits): MadeFrom<'s>,
+    gather: &Gather,
+    thresholds: &[f64],
+) -> Result<super::fused::Made<'a, Fused<'s>>, Error> {
+    super::fused::analyse(job, axis, view, hits, thresholds, |whole| {
+        let to = (job.resolved.quantity, whole);
+        Ok(Fused::prepare(store, surfaces, hits, gather, to, job.progress)?)
+    })
 }
 
 fn open_store(job: &Job<'_>, candidate: &Candidate) -> Result<Store, Error> {
@@ -206,13 +227,14 @@ fn series_gather(job: &Job<'_>, view: &PlannedView) -> Result<Gather, Error> {
 }
 
 /// A key, and what files say of their making beside it.
-type About<'a> = (&'a str, &'a [(&'a str, &'a str)]);
+pub(super) type About<'a> = (&'a str, &'a [(&'a str, &'a str)]);
 type MadeFrom<'a> = (&'a Store, Option<&'a Surfaces<'a>>, &'a HitMap);
 
 /// Writes the series, and the peak of it.
 fn written(
     job: &Job<'_>,
     (store, surfaces, hits): MadeFrom<'_>,
+    air: Option<Passed<'_>>,
     candidate: &Candidate,
     view: &PlannedView,
     (about, quantity): (About<'_>, Quantity),
@@ -224,7 +246,15 @@ fn written(
     let notes = notes.with_extension("notes");
     let path = job.folder.prepare(&notes)?;
     let noted = Noted::open(&writer, &path, about.0, hits.columns)?;
-    let told = render::series(store, surfaces, hits, &gather, quantity, &noted, job.progress)?;
+    let with_air = air.as_ref().map(|a| a.series(&noted, quantity, gather.mantissa_bits));
+    let sink: &dyn TileSink = match &with_air {
+        Some(sink) => sink,
+        None => &noted,
+    };
+    let mut told = render::series(store, surfaces, hits, &gather, quantity, sink, job.progress)?;
+    if let Some(air) = &air {
+        air.add_noise(&mut told, quantity)?;
+    }
     drop(noted);
     job.progress.finish();
     let written = writer.finish()?;
@@ -276,6 +306,7 @@ pub(super) fn writer(
 fn annual(
     job: &Job<'_>,
     (store, surfaces, hits): MadeFrom<'_>,
+    air: Option<Passed<'_>>,
     candidate: &Candidate,
     view: &PlannedView,
     (key, about): (&str, &[(&str, &str)]),
@@ -293,7 +324,10 @@ fn annual(
     }
     let watch = Watch::start();
     let weights: Vec<f64> = job.timeline()?.steps.iter().map(|s| s.weight_h).collect();
-    let annual = render::annual(store, surfaces, hits, &weights, &view.annual, job.progress)?;
+    let mut annual = render::annual(store, surfaces, hits, &weights, &view.annual, job.progress)?;
+    if let Some(air) = &air {
+        air.add_year(&mut annual, &weights)?;
+    }
     let took = watch.read();
     job.progress.finish();
     let grey = annual.surface.map(|v| [*v; 3]);
@@ -326,18 +360,29 @@ pub(super) fn peak(
     job: &Job<'_>,
     candidate: &Candidate,
     view: &PlannedView,
-    (key, about): About<'_>,
+    about: About<'_>,
     quantity: Quantity,
 ) -> Result<PathBuf, Error> {
-    let (series, map) = names(job, quantity);
-    let map_of = |name| job.folder.map(&candidate.name, &view.name, name);
-    let volume = Volume::open(&job.folder.at(&map_of(series)))?;
+    let series = job.folder.map(&candidate.name, &view.name, names(job, quantity).0);
+    let volume = Volume::open(&job.folder.at(&series))?;
     let peak = volume.peak(job.progress)?;
     job.progress.finish();
-    let channel = peak_channel(quantity);
-    let path = job.folder.prepare(&map_of(map))?;
-    exr::write(&path, &[(channel, &peak)], &attributes(job, key, about))?;
-    Ok(map_of(map))
+    write_peak(job, candidate, view, about, quantity, &peak)
+}
+
+/// Writes the largest irradiance of the year.
+pub(super) fn write_peak(
+    job: &Job<'_>,
+    candidate: &Candidate,
+    view: &PlannedView,
+    (key, about): About<'_>,
+    quantity: Quantity,
+    peak: &Grid<f32>,
+) -> Result<PathBuf, Error> {
+    let name = job.folder.map(&candidate.name, &view.name, names(job, quantity).1);
+    let path = job.folder.prepare(&name)?;
+    exr::write(&path, &[(peak_channel(quantity), peak)], &attributes(job, key, about))?;
+    Ok(name)
 }
 
 /// Name of the channel of `peak.exr`.

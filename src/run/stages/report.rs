@@ -275,7 +275,7 @@ fn trees(resolved: &Resolved) -> String {
     match resolved.scene.seasons.as_slice() {
         [] => "Trees are opaque all year.".into(),
         seasons => format!(
-            "Crowns let light through by month, each as a whole (January to December: {}); all else is opaque. Pictures draw crowns as they stand in the model, and the mirror rule and views with `estimator = \"direct\"` take them as opaque.",
+            "Crowns let light through by month, each as a whole (January to December: {}); all else is opaque. Maps draw crowns as they stand in the model, and the mirror rule takes them as opaque.",
             seasons.iter().map(one).collect::<Vec<_>>().join("; ")
         ),
     }
@@ -326,7 +326,7 @@ fn limits_of_it(job: &Job<'_>) -> Section {
             super::render::quantity_words(resolved.quantity)
         ),
         "The noise of a value is that of its photons: all irradiances two standard errors lower, and two higher. It doesn't hold what the model leaves out.".into(),
-        "Rules are judged at the point of an observer or region where each value is largest, unfiltered unless the rule asks for the filter; there it runs over time alone. A photon store knows light only where it lands: sensors and regions in free air are not evaluated, and observers there by integration over the PV.".into(),
+        "Rules are judged at the point of an observer or region where each value is largest, unfiltered unless the rule asks for the filter; there it runs over time alone. In free air photons are counted where they cross a disc of 0.1 m radius or less, in a run of their own.".into(),
         format!(
             "What eyes see (luminance, hazard, veil) is integrated over the PV's cells of half a metre, without photons and without a limit of distance; only what lies before the eye counts. A watt is taken for {} lm. The hazard is that of Ho, Ghanbari and Diver (2011), of the part of the PV that is worst; the veil that of CIE 146:2002 at {} years of age, for a line of sight along the observer's direction (to the middle of the PV where it has none). Mirror images of the sun are some 10 million to a billion cd/m²: above every limit of luminance.",
             job.timeline().map_or(0.0, |t| t.basis.lm_per_w()),

@@ -84,7 +84,7 @@ fn places(job: &Job<'_>, view: &View) -> Result<Vec<(DVec3, String)>, Error> {
     let Some(set) = receivers(job) else { return Ok(Vec::new()) };
     let hits = read_hits(job, set)?;
     let mut out = Vec::new();
-    for group in read_points(job, set)?.groups {
+    for group in read_points(&job.folder, set)?.groups {
         let plan = view.projection() == Projection::Parallel;
         if group.kind == Kind::Observer || (group.kind == Kind::Region && plan) {
             let all = &hits.hits[group.first..group.first + group.points()];

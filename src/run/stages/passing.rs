@@ -1,0 +1,216 @@
+//! Receivers in free air: photons are sent through their gates, in a run of their own, and kept in
+//! a store of their own. So what lands, and every map of it, is the same whoever stands in the air,
+//! and an observer more costs no second trace of the scene.
+
+use std::time::Instant;
+
+use super::photons::{Done, Filling, Traced, fill};
+use super::receivers::read_points;
+use crate::base::{Gate, GateSheet};
+use crate::pages::{self, Access, OpenOptions, Store};
+use crate::render::sensors::{self, Footing};
+use crate::render::{Hit, HitKind, HitMap, Passed};
+use crate::run::job::{Job, Stage};
+use crate::run::manifest::key_of;
+use crate::run::points::PointSet;
+use crate::run::resolve::{Candidate, PlannedView};
+use crate::run::{Error, Folder};
+use crate::trace::{Emission, Settings, Through, Tracer};
+
+/// Radius of a gate, m; smaller where `max_radius_m` of the view is, or a surface is nearer.
+const GATE_M: f64 = 0.1;
+/// Crossings of each gate that are aimed at, at least; no more in all than `photons.stored`.
+const CROSSINGS: u64 = 10_000;
+/// The store of a set's crossings.
+const STORE: &str = "air.gmp";
+/// Where crossings wait to be sorted.
+pub(in crate::run) const SPILL: &str = "air-spill";
+
+/// Which points of a set stand in free air, and where their crossings lie.
+pub(in crate::run) struct InAir {
+    /// Their numbers in the set, ascending.
+    points: Vec<usize>,
+    sheet: GateSheet,
+    radius_m: f64,
+}
+
+impl InAir {
+    /// `None` where all points stand on surfaces.
+    pub fn of(set: &PointSet, view: &PlannedView) -> Option<Self> {
+        let footing = set.groups.iter().flat_map(|g| &g.footing);
+        let points: Vec<usize> =
+            footing.enumerate().filter(|(_, f)| **f == Footing::Air).map(|(i, _)| i).collect();
+        let radius_m = view.annual.max_radius_m.map_or(GATE_M, |m| GATE_M.min(f64::from(m)));
+        let sheet = GateSheet::new(points.len(), radius_m);
+        (!points.is_empty()).then_some(Self { points, sheet, radius_m })
+    }
+
+    /// Hits in which these points receive light: for what needs no photons.
+    pub fn lifted(&self, mut hits: HitMap) -> HitMap {
+        for &point in &self.points {
+            if let Some(hit) = hits.hits.get_mut(point) {
+                hit.kind = HitKind::Receiver;
+            }
+        }
+        hits
+    }
+}
+
+/// The photons that crossed the gates of a set.
+pub(in crate::run) struct Crossings {
+    pub air: InAir,
+    pub store: Store,
+}
+
+impl Crossings {
+    /// Those that a finished run left; `None` where no point stands in free air.
+    ///
+    /// # Errors
+    /// When they can't be read.
+    pub fn open(
+        folder: &Folder,
+        candidate: &str,
+        (set, view): (&PointSet, &PlannedView),
+        cache_bytes: u64,
+    ) -> Result<Option<Self>, Error> {
+        let Some(air) = InAir::of(set, view) else { return Ok(None) };
+        let path = folder.at(&folder.map(candidate, &view.name, STORE));
+        let options = OpenOptions { cache_bytes, access: Access::Mapped };
+        Ok(Some(Self { air, store: Store::open(&path, &options)? }))
+    }
+
+    /// Calls `each` with timestep, flux (W) and PV surface of the photons at a point of the set;
+    /// never where it doesn't stand in free air.
+    ///
+    /// # Errors
+    /// When the store is damaged.
+    pub fn photons(&self, point: usize, mut each: impl FnMut(u32, f32, u16)) -> Result<(), Error> {
+        if let Ok(gate) = self.air.points.binary_search(&point) {
+            self.store.in_box(self.air.sheet.cell(gate), |_, photon| {
+                each(photon.timestep, photon.flux_w, photon.surface);
+            })?;
+        }
+        Ok(())
+    }
+}
+
+/// Crossings, and the gates that they crossed.
+pub(super) struct Made {
+    crossings: Crossings,
+    gates: Vec<Gate>,
+}
+
+impl Made {
+    /// What maps and series are made from.
+    pub fn passed(&self) -> Passed<'_> {
+        let Crossings { air, store } = &self.crossings;
+        Passed { store, gates: &self.gates, sheet: air.sheet, sensors: &air.points }
+    }
+}
+
+/// Where the store of a set's crossings lies.
+pub(super) fn store_name(
+    job: &Job<'_>,
+    candidate: &Candidate,
+    view: &PlannedView,
+) -> std::path::PathBuf {
+    job.folder.map(&candidate.name, &view.name, STORE)
+}
+
+/// Sends photons through the gates of a set, unless that was done; `None` where no point stands in
+/// free air.
+pub(super) fn crossings(
+    job: &Job<'_>,
+    candidate: &Candidate,
+    view: &PlannedView,
+    hits: &HitMap,
+) -> Result<Option<Made>, Error> {
+    if view.points.is_none() {
+        return Ok(None);
+    }
+    let set = read_points(&job.folder, view)?;
+    let Some(air) = InAir::of(&set, view) else { return Ok(None) };
+    let site = job.site()?;
+    let gate_of = |&point: &usize| {
+        let Hit { position, normal, .. } = hits.hits[point];
+        sensors::gate(position.as_dvec3(), normal.as_dvec3(), air.radius_m, site)
+    };
+    let gates: Vec<Gate> = air.points.iter().map(gate_of).collect();
+    let bandwidth = view.series_bandwidth.unwrap_or_default() as u64;
+    let each = bandwidth.max(3 * job.timeline()?.steps.len() as u64).max(CROSSINGS);
+    let wanted = (gates.len() as u64 * each).min(job.resolved.trace.stored);
+    let upstream = (job.resolved.photons_key(candidate)?, job.resolved.hits_key(view)?);
+    let key = key_of("air", &(upstream, wanted, air.radius_m))?;
+    let name = store_name(job, candidate, view);
+    let path = job.folder.prepare(&name)?;
+    let options = OpenOptions { cache_bytes: job.options.page_cache_bytes, access: Access::Mapped };
+    let current = (!job.is_forced(Stage::Render)).then(|| Store::open(&path, &options).ok());
+    let current = current.flatten().filter(|s| s.info().provenance.settings == key);
+    let store = match current {
+        Some(store) => store,
+        None => {
+            job.remove(&name)?;
+            send(job, candidate, view, (&gates, air.sheet), wanted, &key)?;
+            Store::open(&path, &options)?
+        }
+    };
+    Ok(Some(Made { crossings: Crossings { air, store }, gates }))
+}
+
+fn send(
+    job: &Job<'_>,
+    candidate: &Candidate,
+    view: &PlannedView,
+    (gates, sheet): (&[Gate], GateSheet),
+    wanted: u64,
+    key: &str,
+) -> Result<(), Error> {
+    let began = Instant::now();
+    let (site, timeline) = (job.site()?, job.timeline()?);
+    let emission = Emission {
+        site,
+        timeline,
+        bsdfs: site.pv.iter().map(|s| &candidate.bsdfs[s.entry]).collect(),
+        settings: Settings { stored: wanted.max(1), ..job.resolved.trace },
+    };
+    // No more effort than all surfaces together were worth.
+    let most = Traced::read(job, candidate)?.plan.emitted;
+    let tracer = Tracer::through(&emission, &Through { gates, sheet, most })?;
+    let name = format!("{} {}", candidate.name, view.name);
+    let spill_name = job.folder.map(&candidate.name, &view.name, SPILL);
+    let spill = job.folder.prepare(&spill_name)?;
+    let filling = Filling {
+        name: &name,
+        key,
+        shard: None,
+        stage: Stage::Render,
+        spill: &spill,
+        bounds: sheet.bounds(),
+        expected: wanted,
+    };
+    let Done { plan, units, .. } = fill(job, &tracer, &filling)?;
+    let tally = Done::tally(units, &plan).unwrap_or_default();
+    let discs = format!("{}, side by side in the order of the sensors", gates.len());
+    let about = pages::About {
+        provenance: job.provenance(
+            key,
+            &[("material", &candidate.name), ("view", &view.name), ("gates", &discs)],
+        ),
+        timesteps: u32::try_from(timeline.steps.len()).unwrap_or(u32::MAX),
+        surfaces: site.pv.iter().map(|s| s.name.clone()).collect(),
+        basis: timeline.basis,
+        tally,
+    };
+    let path = job.folder.prepare(&store_name(job, candidate, view))?;
+    let memory = job.options.memory_bytes / 4 * 3;
+    let built = pages::build(&spill, &path, &about, memory, job.progress)?;
+    job.remove(&spill_name)?;
+    job.progress.say(&format!(
+        "{name}: {} crossings of {} receivers in free air, {} photons sent in {:.1} s",
+        built.photons,
+        gates.len(),
+        tally.sent.photons,
+        began.elapsed().as_secs_f64(),
+    ));
+    Ok(())
+}

@@ -1,4 +1,4 @@
-use super::threshold::Run;
+use super::threshold::{Columns, Span};
 
 /// Numbers of events, handed out anew once their event is over. Numbers of events that turned out
 /// to be the same form a tree (union-find); all of them stay taken until the event is over, or
@@ -118,7 +118,7 @@ impl Labels {
 /// The runs of one timestep, sorted by row and column, with the numbers of their events.
 #[derive(Debug, Default)]
 pub(super) struct Labelled {
-    pub runs: Vec<Run>,
+    pub runs: Vec<Span>,
     pub labels: Vec<u32>,
     /// Where each row's runs begin; one more entry than rows.
     rows: Vec<usize>,
@@ -126,7 +126,7 @@ pub(super) struct Labelled {
 
 impl Labelled {
     /// Takes the runs of the next rows, with their numbers.
-    pub fn extend(&mut self, rows: std::ops::Range<usize>, runs: &[Run], labels: &[u32]) {
+    pub fn extend(&mut self, rows: std::ops::Range<usize>, runs: &[Span], labels: &[u32]) {
         let mut at = self.runs.len();
         self.runs.extend_from_slice(runs);
         self.labels.extend_from_slice(labels);
@@ -149,14 +149,15 @@ impl Labelled {
 
 /// Calls `each` with the indices of runs of two rows that lie at most `gap` columns apart
 /// diagonally (0: they share a column).
-pub(super) fn touching(a: &[Run], b: &[Run], gap: u32, mut each: impl FnMut(usize, usize)) {
+pub(super) fn touching<T: Columns>(a: &[T], b: &[T], gap: u32, mut each: impl FnMut(usize, usize)) {
     let (mut i, mut j) = (0, 0);
     while let (Some(x), Some(y)) = (a.get(i), b.get(j)) {
-        if x.start < y.end + gap && y.start < x.end + gap {
+        let ((x_start, x_end), (y_start, y_end)) = (x.columns(), y.columns());
+        if x_start < y_end + gap && y_start < x_end + gap {
             each(i, j);
         }
         // Runs of one row are at least a column apart, so the one that ends first touches no other.
-        if x.end < y.end {
+        if x_end < y_end {
             i += 1;
         } else {
             j += 1;

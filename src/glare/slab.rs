@@ -5,7 +5,7 @@ use super::event::{Event, Growing};
 use super::label::touching;
 use super::settings::Connectivity;
 use super::smooth::Part;
-use super::threshold::Run;
+use super::threshold::{Run, Span};
 
 const NONE: u32 = u32::MAX;
 
@@ -35,7 +35,7 @@ pub(super) struct Slab {
 /// Runs, sorted by row and column, and the group of each.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Face {
-    pub runs: Vec<Run>,
+    pub runs: Vec<Span>,
     pub groups: Vec<u32>,
 }
 
@@ -323,7 +323,7 @@ impl Scratch {
         let open = |group: &u32| self.groups[*group as usize].open.unwrap_or(NONE);
         Face {
             groups: self.parents[runs.clone()].iter().map(open).collect(),
-            runs: self.runs[runs].to_vec(),
+            runs: self.runs[runs].iter().map(Run::span).collect(),
         }
     }
 }

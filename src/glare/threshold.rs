@@ -17,7 +17,41 @@ pub(super) struct Run {
     pub peak_w_m2: f32,
 }
 
+/// Where a run lies: all that matters to what touches it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Span {
+    /// The row.
+    pub row: u32,
+    /// First column.
+    pub start: u32,
+    /// One past the last column.
+    pub end: u32,
+}
+
+/// What covers columns of a row, from the first to one past the last.
+pub(super) trait Columns {
+    fn columns(&self) -> (u32, u32);
+}
+
+impl Columns for Run {
+    #[inline]
+    fn columns(&self) -> (u32, u32) {
+        (self.start, self.end)
+    }
+}
+
+impl Columns for Span {
+    #[inline]
+    fn columns(&self) -> (u32, u32) {
+        (self.start, self.end)
+    }
+}
+
 impl Run {
+    pub fn span(&self) -> Span {
+        Span { row: self.row, start: self.start, end: self.end }
+    }
+
     /// This run with `next`, which begins where this one ends.
     fn joined(self, next: Self) -> Self {
         let higher = if next.peak_w_m2 > self.peak_w_m2 { next } else { self };

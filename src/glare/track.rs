@@ -8,7 +8,7 @@ use super::plan::Plan;
 use super::settings::{Connectivity, Settings};
 use super::slab::{Face, Slab};
 use super::smooth::Part;
-use super::threshold::Run;
+use super::threshold::Span;
 
 const NONE: u32 = u32::MAX;
 
@@ -285,7 +285,7 @@ impl Tracker {
 
     /// Bytes in memory beyond those of the pixels and of what can be spilled.
     pub fn bytes(&self) -> usize {
-        let run = size_of::<Run>() + size_of::<u32>();
+        let run = size_of::<Span>() + size_of::<u32>();
         let runs = |part: &Ongoing| {
             let above: usize = part.above.iter().map(|face| face.runs.capacity()).sum();
             (above + part.newest.runs.capacity()) * run + part.created.capacity() * 4
@@ -327,7 +327,7 @@ impl Meeting<'_> {
 }
 
 /// The rows of sorted runs: row, first run, one past the last.
-fn rows_of(runs: &[Run]) -> impl Iterator<Item = (usize, usize, usize)> {
+fn rows_of(runs: &[Span]) -> impl Iterator<Item = (usize, usize, usize)> {
     let mut start = 0;
     runs.chunk_by(|a, b| a.row == b.row).map(move |row| {
         let first = start;

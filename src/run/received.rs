@@ -184,7 +184,7 @@ impl Reader<'_> {
             notes.push(format!("{pv} of {all} points lie on the PV itself and are left out"));
         }
         let area = |i: usize| group.area_m2[i];
-        let area_m2: f64 = known().map(|(i, _)| area(i)).sum();
+        let area_m2 = known().fold(0.0, |sum, (i, _)| sum + area(i));
         let weight = |i: usize| if area_m2 > 0.0 { area(i) / area_m2 } else { 1.0 / whole as f64 };
         let annual = |i: usize| f64::from(self.annual[group.first + i]);
         let most = |of: &dyn Fn(&PointReceived) -> f32| {

@@ -288,6 +288,66 @@ fn a_rule_of_ones_own_decides_the_exit_code() {
     assert!(wrong.err.contains("mine.toml") && wrong.err.contains("line 2"), "{}", wrong.err);
 }
 
+/// The same ground in local and in map coordinates, and a part of it drawn into the picture.
+#[test]
+fn a_region_is_the_same_however_it_is_drawn() {
+    let (_keep, folder) = project("tiny");
+    let file = folder.join("project.toml");
+    let project = fs::read_to_string(&file).expect("reads");
+    let project = project.replacen("[scene]\n", "[scene]\norigin = [1000.0, 2000.0, 0.0]\n", 1);
+    let regions = r#"
+[[region]]
+name = "By map"
+polygon = [[986.0, 1992.0], [994.0, 1992.0], [994.0, 2008.0], [986.0, 2008.0]]
+coordinates = "map"
+class = "outdoor"
+
+[[region]]
+name = "In the picture"
+polygon = [[20, 24], [44, 24], [44, 40], [20, 40]]
+view = "plan"
+"#;
+    fs::write(&file, project + regions).expect("writes");
+    succeed(&["run", text(&folder), "--quiet", "--until", "glare"]);
+    let run = folder.join("run");
+    let received = json(&run.join("standard/receivers/receivers.json"));
+    let group = |name: &str| {
+        let all = received["groups"].as_array().expect("groups");
+        let mut found = all.iter().find(|g| g["name"] == name).expect("a group").clone();
+        found.as_object_mut().expect("an object").remove("name");
+        found
+    };
+    let (local, map) = (group("Ground before the wall"), group("By map"));
+    assert!(local["peak_w_m2"].as_f64().expect("W/m2") > 0.0, "{local}");
+    for key in ["points", "area_m2", "peak_w_m2", "annual_max_wh_m2", "exceeded_30min_w_m2"] {
+        assert_eq!(local[key], map[key], "{key}");
+    }
+    assert_eq!(local["thresholds"][0]["hours"], map["thresholds"][0]["hours"]);
+
+    // A point for each pixel inside that takes light, where that pixel looks.
+    let (hits, _) = HitMap::read(&run.join("plan/hits.gmh")).expect("reads");
+    let inside: Vec<_> = (24..40)
+        .flat_map(|row| (20..44).map(move |column| (column, row)))
+        .map(|(column, row)| hits.at(column, row))
+        .filter(|h| h.kind.receives())
+        .collect();
+    let sheet = fs::read_to_string(run.join("standard/receivers/sensors.csv")).expect("reads");
+    let points: Vec<[f32; 3]> = sheet
+        .lines()
+        .filter(|line| line.starts_with("In the picture,"))
+        .map(|line| {
+            let words: Vec<&str> = line.split(',').collect();
+            [2, 3, 4].map(|i| words[i].parse().expect("a number"))
+        })
+        .collect();
+    assert_eq!(points.len(), inside.len());
+    for p in points {
+        let far = |h: &&glintmap::render::Hit| (h.position - glam::Vec3::from_array(p)).length();
+        let nearest = inside.iter().map(far).fold(f32::INFINITY, f32::min);
+        assert!(nearest < 1.0, "{p:?} lies {nearest} m from all pixels of the region");
+    }
+}
+
 #[test]
 fn mistakes_in_regions_are_named_before_anything_is_made() {
     let (_keep, folder) = project("tiny");

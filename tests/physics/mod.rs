@@ -12,6 +12,7 @@ mod direct;
 mod direct_borders;
 pub mod render;
 mod seasons;
+mod seeds;
 
 pub mod trace;
 mod weather;

@@ -184,7 +184,7 @@ pub fn gate(position: DVec3, normal: DVec3, radius_m: f64, site: &Site) -> Gate 
         let met = site.bvh.closest(position.as_vec3(), spoke.as_vec3(), 0.0, least as f32);
         met.map_or(least, |hit| least.min(f64::from(hit.distance_m)))
     });
-    Gate { centre: position, normal, radius_m: nearest.max(LEAST_GATE_M) }
+    Gate { centre: position, normal, radius_m: nearest.max(LEAST_GATE_M.min(radius_m)) }
 }
 
 /// A piece of a surface that a region is sampled by.

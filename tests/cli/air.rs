@@ -40,7 +40,7 @@ fn received(run: &Path, view: &str, error: &str) -> Received {
     }
 }
 
-/// Sensors before the wall: ten that look at the roof from a plane, four anywhere.
+/// Sensors before the wall: ten that look at the roof from a plane, five anywhere.
 fn sensors() -> Vec<([f64; 3], [f64; 3])> {
     let row = |i: u32| {
         // Above the plane of the roof: below, the PV is seen from behind.
@@ -52,8 +52,9 @@ fn sensors() -> Vec<([f64; 3], [f64; 3])> {
         ([-11.0, 1.0, 2.0], [0.0, 0.0, 1.0]),
         ([-4.0, -1.0, 3.0], [0.6, 0.0, 0.8]),
         ([-12.0, 4.0, 4.5], [0.9, -0.1, 0.1]),
-        // Looks away from the PV.
+        // Looks away from the PV; stands behind the wall.
         ([-8.0, 0.0, 3.0], [-1.0, 0.0, 0.0]),
+        ([-17.0, 0.0, 3.0], [1.0, 0.0, 0.0]),
     ]);
     all
 }
@@ -91,8 +92,10 @@ fn what_passes_is_what_is_integrated_and_what_a_board_there_receives() {
     succeed(&["run", path, "--quiet", "--set", photons, "--until", "render"]);
     let air = received(&run, "air", "standard_error.wh_m2");
     let exact = received(&run, "exact", "error.wh_m2");
-    let lit: Vec<usize> = (0..air.annual.len() - 1).collect();
-    assert_eq!((air.annual[lit.len()], exact.annual[lit.len()]), (0.0, 0.0), "looks away");
+    let lit: Vec<usize> = (0..air.annual.len() - 2).collect();
+    for i in [13, 14] {
+        assert_eq!((air.annual[i], exact.annual[i]), (0.0, 0.0), "sensor {i} sees nothing");
+    }
 
     // The year.
     let mut off = Vec::new();
@@ -158,7 +161,7 @@ fn who_stands_in_the_air_changes_nothing_that_lands() {
     succeed(&["run", path, "--quiet", "--until", "render"]);
     let before = hashes(&folder);
     with_sensors(&folder);
-    succeed(&["run", path, "--quiet", "--threads", "1"]);
+    succeed(&["run", path, "--quiet", "--threads", "1", "--force", "trace"]);
     let after = hashes(&folder);
     for name in ["standard/photons.gmp", "standard/plan/annual.npy", "standard/tally.json"] {
         assert_eq!(before[name], after[name], "{name}");
@@ -171,6 +174,14 @@ fn who_stands_in_the_air_changes_nothing_that_lands() {
     let said = succeed(&["probe", path, "--view", "air", "--pixel", "3,0"]);
     assert!(said.out.contains("roof: 100") && said.out.contains("air at"), "{}", said.out);
     succeed(&["verify", path]);
+
+    // What is integrated has no noise, and no band of it.
+    let text = fs::read(folder.join("run/standard/exact/receivers.json")).expect("reads");
+    let exact: Value = serde_json::from_slice(&text).expect("JSON");
+    let group = &exact["groups"][0];
+    assert_eq!((group["points"].as_u64(), group["in_air"].as_u64()), (Some(15), Some(15)));
+    let ten = &group["thresholds"][0]["hours"];
+    assert!(ten["value"].as_f64() > Some(0.0) && ten["low"] == ten["high"], "{ten}");
 
     // The observer in the air is told of as all others are.
     let text = fs::read(folder.join("run/standard/receivers/receivers.json")).expect("reads");

@@ -52,7 +52,9 @@ def project_of(folder, material):
 
     def stays(part):
         name = re.match(r'\[\[material\]\].*\nname = "(.*?)"', part)
-        return (not name or name.group(1) == material) and not part.startswith("[reference]")
+        # Regions and observers would have photons traced for the direct run, too.
+        left_out = ("[reference]", "[[region]]", "[[observer]]")
+        return (not name or name.group(1) == material) and not part.startswith(left_out)
 
     path.write_text("".join(part for part in parts if stays(part)))
     return folder
@@ -90,7 +92,7 @@ def run(program, project, settings, threads, until="render"):
     for setting in settings:
         command += ["--set", setting]
     began = time.monotonic()
-    process = subprocess.Popen(command)
+    process = subprocess.Popen(command, stdout=subprocess.DEVNULL)
     most = [0.0]
     watch = threading.Thread(target=anonymous_mib, args=(process.pid, most), daemon=True)
     watch.start()
@@ -109,7 +111,7 @@ def traced_s(project):
     for line in lines:
         note = json.loads(line)
         if str(note.get("unit", "")).startswith(("trace ", "pages ")):
-            sums += note.get("took_s", 0.0)
+            sums += note.get("facts", {}).get("took_s", 0.0)
     return sums
 
 

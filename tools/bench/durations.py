@@ -20,6 +20,8 @@ BLOCK = 64
 # Pixels to each side of a disc, at most; larger discs are looked at through every n-th pixel.
 REACH = 24
 RECEIVES = (0, 4, 5)
+# Width of the plan, m.
+PLAN_M = 200.0
 
 
 def hits(path):
@@ -66,26 +68,28 @@ class Explained:
         median = lambda mask: np.median(np.abs(found - exact)[mask]) if mask.any() else 0.0
         print(f"    hours above {self.threshold:g} W/m2: direct {exact[lit].mean():.2f}, photons {found[lit].mean():.2f} "
               f"on average of {lit.sum()} pixels; median difference {median(lit):.2f} h, on compared ones {median(both):.2f} h")
-        if not len(self.expected):
+        if len(self.expected) < 2:
             return
         differ, blur = self.found - self.exact, self.blurred - self.exact
         noise, rest = self.expected - self.blurred, self.found - self.expected
         rms = lambda v: float(np.sqrt(np.mean(v**2)))
         within = np.abs(rest) <= 2 * self.deviation + self.step_h
+        alike = np.corrcoef(differ, self.expected - self.exact)[0, 1]
+        print(f"    expected and found differences: correlation {alike:.2f}")
         print(f"    of {len(differ)} of them: difference {rms(differ):.2f} h (root mean square, mean {differ.mean():+.2f}) = "
               f"blur of the disc {rms(blur):.2f} ({blur.mean():+.2f}) + noise at the threshold {rms(noise):.2f} "
               f"({noise.mean():+.2f}) + rest {rms(rest):.2f} ({rest.mean():+.2f}); chance leaves {rms(self.deviation):.2f}; "
               f"{100 * within.mean():.1f} % within two standard deviations and a timestep")
 
 
-def discs(chosen, position, normal, kind, area, radius_m, view):
+def discs(chosen, position, normal, kind, area, radius_m, looked):
     """For each chosen pixel the pixels of its disc and their weights."""
-    rows, columns = kind.shape
+    (view, plan_m), (rows, columns) = looked, kind.shape
     out = []
     for row, column in chosen:
         r, here = radius_m[row, column], position[row, column]
         right = position[row, min(column + 1, columns - 1)]
-        pixel_m = max(float(np.linalg.norm(right[:2] - here[:2])), 1e-3) if view != "plan" else PLAN_M / columns
+        pixel_m = max(float(np.linalg.norm(right[:2] - here[:2])), 1e-3) if view != "plan" else plan_m / columns
         reach = int(np.ceil(r / pixel_m))
         stride = max(1, -(-reach // REACH))
         # The pixel itself is always one of them.
@@ -111,11 +115,8 @@ def discs(chosen, position, normal, kind, area, radius_m, view):
     return out
 
 
-# Width of the plan, m.
-PLAN_M = 200.0
-
-
-def explain(photons, direct, material, view, threshold):
+def explain(photons, direct, material, view, threshold, names=None, plan_m=PLAN_M):
+    """`names`: of the view by photons and of that by direct integration, where they differ."""
     import OpenEXR
     import zarr
     from scipy.sparse import csr_matrix
@@ -123,9 +124,11 @@ def explain(photons, direct, material, view, threshold):
 
     out = Explained()
     out.threshold, out.view = threshold, view
-    with OpenEXR.File(str(photons / material / view / "noise.exr")) as file:
+    names = names or (view, view)
+    with OpenEXR.File(str(photons / material / names[0] / "noise.exr")) as file:
         photon, radius = (np.array(file.channels()[n].pixels) for n in ("photon.w_m2", "series_radius.m"))
-    stores = [zarr.open_group(str(f / material / view / "series.zarr"), mode="r") for f in (photons, direct)]
+    folders = [f / material / name for f, name in zip((photons, direct), names)]
+    stores = [zarr.open_group(str(f / "series.zarr"), mode="r") for f in folders]
     values = [next(a for _, a in s.arrays() if a.ndim == 3) for s in stores]
     weight_h = stores[0]["weight_h"][:]
     steps, rows, columns = values[0].shape
@@ -142,8 +145,8 @@ def explain(photons, direct, material, view, threshold):
     out.found, out.exact = (h.ravel()[flat] for h in hours)
     blurred, expected, variance = (np.zeros(len(chosen)) for _ in range(3))
     if len(chosen):
-        position, normal, kind = hits(photons / view / "hits.gmh")
-        of = discs(chosen, position, normal, kind, footprints(view, position, normal), radius, view)
+        position, normal, kind = hits(photons / names[0] / "hits.gmh")
+        of = discs(chosen, position, normal, kind, footprints(view, position, normal), radius, (view, plan_m))
         # All discs as one sparse matrix.
         ends = np.cumsum([0] + [len(at) for at, _ in of])
         parts = np.concatenate([w for _, w in of]), np.concatenate([a for a, _ in of]), ends

@@ -16,35 +16,22 @@ impl Disc {
         Self { radius_rad: 0.5 * diameter_deg.to_radians() }
     }
 
-    /// Places all over the disc: rings by the rule of Gauss and Legendre for the square of the
-    /// radius, every other one turned by half a step.
-    pub(super) fn rings(&self, rings: usize, around: u32) -> Vec<Place> {
-        let rule: &[(f64, f64)] = match rings {
-            2 => &[(0.577_350_269_189_625_8, 1.0)],
-            3 => &[(0.0, 8.0 / 9.0), (0.774_596_669_241_483_4, 5.0 / 9.0)],
-            4 => &[
-                (0.339_981_043_584_856_3, 0.652_145_154_862_546_1),
-                (0.861_136_311_594_052_6, 0.347_854_845_137_453_9),
-            ],
-            _ => &[
-                (0.238_619_186_083_196_9, 0.467_913_934_572_691),
-                (0.661_209_386_466_264_5, 0.360_761_573_048_138_6),
-                (0.932_469_514_203_152, 0.171_324_492_379_170_4),
-            ],
-        };
-        // From the innermost ring outwards.
-        let outer = rule.iter().copied();
-        let inner = rule.iter().rev().filter(|(x, _)| *x > 0.0).map(|(x, w)| (-x, *w));
+    /// Sixteen places all over the disc: two rings by the rule of Gauss and Legendre for the square of
+    /// the radius, the outer one turned by half a step.
+    pub(super) fn rings(&self) -> Vec<Place> {
+        const AT: f64 = 0.577_350_269_189_625_8;
+        const AROUND: u32 = 8;
         let mut out = Vec::new();
-        for (ring, (x, weight)) in inner.chain(outer).enumerate() {
+        for (ring, x) in [-AT, AT].into_iter().enumerate() {
             let r = (0.5 * (1.0 + x)).sqrt();
-            for i in 0..around {
-                let turn = f64::from(i) + 0.5 * (ring % 2) as f64;
-                let angle = 2.0 * PI * turn / f64::from(around);
+            for i in 0..AROUND {
+                let turn = f64::from(i) + 0.5 * ring as f64;
+                let angle = 2.0 * PI * turn / f64::from(AROUND);
                 out.push(Place {
                     at: self.at(r * libm::cos(angle), r * libm::sin(angle)),
-                    share: (0.5 * weight / f64::from(around)) as f32,
+                    share: 0.5 / AROUND as f32,
                     second: [0.0; 2],
+                    chord: 0.0,
                 });
             }
         }
@@ -54,7 +41,7 @@ impl Disc {
     /// The middle, with all of the disc around it.
     pub(super) fn middle(&self) -> Place {
         let second = (0.125 * self.radius_rad * self.radius_rad) as f32;
-        Place { at: [0.0, 0.0, 1.0], share: 1.0, second: [second; 2] }
+        Place { at: [0.0, 0.0, 1.0], share: 1.0, second: [second; 2], chord: 0.0 }
     }
 
     /// Places to the side of the middle, by the rule of Gauss and Chebyshev for the breadths of a
@@ -68,9 +55,21 @@ impl Disc {
                 at: self.at(u, 0.0),
                 share: (2.0 * sin * sin / f64::from(count + 1)) as f32,
                 second: [0.0, above as f32],
+                chord: 0.0,
             }
         };
         (1..=count).map(place).collect()
+    }
+
+    /// The same with what lies above and below taken as a chord, however high the sun stands.
+    pub(super) fn chords(&self, count: u32) -> Vec<Place> {
+        let mut out = self.line(count);
+        for (k, place) in (1..=count).zip(&mut out) {
+            let sin = libm::sin(PI * f64::from(k) / f64::from(count + 1));
+            place.chord = (self.radius_rad * sin) as f32;
+            place.second = [0.0; 2];
+        }
+        out
     }
 
     fn at(&self, u: f64, v: f64) -> [f32; 3] {
@@ -183,12 +182,7 @@ mod tests {
     #[test]
     fn places_of_the_disc_integrate_its_moments() {
         let disc = Disc::new(0.533);
-        let ways = [
-            (disc.rings(2, 8), 16, 7),
-            (disc.rings(3, 10), 30, 9),
-            (disc.rings(4, 16), 64, 15),
-            (disc.rings(6, 24), 144, 23),
-        ];
+        let ways = [(disc.rings(), 16, 7)];
         for (places, count, degree) in ways {
             assert_eq!(places.len(), count);
             let mean = |f: &dyn Fn(f64, f64) -> f64| {

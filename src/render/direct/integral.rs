@@ -84,10 +84,10 @@ const DEEPER: u32 = 8;
 const POINT: f32 = 1e-4;
 /// Up to here a disc is as good as the second order of its mean.
 const SECOND_ORDER: f32 = 0.02;
-/// Up to here 16, 30 or 64 places all over the disc do, beyond it 144.
-const RINGS: [f32; 3] = [0.4, 1.2, 12.0];
+/// Up to here 16 places all over the disc do, then 5 or 9 chords of it, beyond it 17.
+const CHORDS: [f32; 3] = [0.4, 1.2, 6.0];
 /// How far those miss the mean of a lobe once it is integrated over cells, too.
-const RINGS_ERROR: [f32; 4] = [4e-4, 1e-3, 5e-3, 2e-2];
+const CHORDS_ERROR: [f32; 4] = [4e-4, 1e-3, 1e-3, 2e-2];
 /// Up to here 3, 5 or 9 points in a line do, beyond it 17, if the disc's height is as good as its second order.
 const LINES: [f32; 3] = [0.3, 1.2, 6.0];
 /// Ratio of a cell's radius to the length over which the integrand changes up to which the cell is
@@ -106,8 +106,8 @@ const SEEN_ERROR: f32 = 0.2;
 const LIT_ERROR: f32 = 0.1;
 
 /// Ways in which suns are looked at through a cell: as points through rules of one and three
-/// points, then through seven as discs: their second order, lines of 3 to 17 places, rings
-/// of 16 to 144 all over.
+/// points, then through seven as discs: their second order, lines of 3 to 17 places, 16 places
+/// all over, 5 to 17 chords.
 const WAYS: usize = SEVEN + DISCS;
 const SEVEN: usize = 2;
 pub(super) const DISCS: usize = 9;
@@ -120,10 +120,10 @@ pub(super) fn disc_places(disc: &Disc) -> [Vec<Place>; DISCS] {
         disc.line(5),
         disc.line(9),
         disc.line(17),
-        disc.rings(2, 8),
-        disc.rings(3, 10),
-        disc.rings(4, 16),
-        disc.rings(6, 24),
+        disc.rings(),
+        disc.chords(5),
+        disc.chords(9),
+        disc.chords(17),
     ]
 }
 
@@ -352,8 +352,8 @@ impl Integral<'_> {
                 let line = LINES.iter().filter(|&&most| beside2 > most).count();
                 (SEVEN + 1 + line, if line < LINES.len() { 1e-3 } else { 2e-2 })
             } else {
-                let rings = RINGS.iter().filter(|&&most| beside2 > most).count();
-                (SEVEN + 5 + rings, RINGS_ERROR[rings])
+                let way = CHORDS.iter().filter(|&&most| beside2 > most).count();
+                (SEVEN + 5 + way, CHORDS_ERROR[way])
             };
             let rule = if seen.by_parts { 0 } else { way.min(SEVEN) };
             // Parts are a half as large.

@@ -54,11 +54,12 @@ enum Falls {
 const FINE: f64 = 0.15;
 /// A patch is at least as fine as that as seen from the eye, rad.
 const WIDEST: f64 = 0.1;
-/// Patches that are partly in sight or in shadow are split within so many widths of the lobe.
-const NEAR_WIDTHS: f64 = 8.0;
+/// Patches that are partly in sight or in shadow are split within so many widths of the lobe;
+/// farther off it hardly matters which part it is.
+const NEAR_WIDTHS: f64 = 4.0;
 /// Radius of the sun's disc beside the length over which the lobe changes: up to the first its
-/// middle stands for it, up to the second four points (to 1e-3), beyond it all.
-const DISC_RATIOS: [f64; 2] = [0.02, 0.25];
+/// middle stands for it (to 5e-3), up to the second four points (to 1e-3), beyond it all.
+const DISC_RATIOS: [f64; 2] = [0.05, 0.25];
 /// Fresnel's reflectance changes its logarithm by up to that with a radian of tilt; with
 /// what hides facets from one another, towards grazing angles, by up to the second.
 const STEADY_PER_RAD: [f64; 2] = [6.0, 20.0];
@@ -242,12 +243,11 @@ impl Looking<'_> {
         let spread = 0.5 * angle / cos;
         let tilt = (across - spread).max(0.0);
         let disc = 0.5 * self.sun.radius_rad() / cos;
-        let scale = (self.material.width.powi(2) + disc * disc + tilt * tilt).sqrt();
+        let own = (self.material.width.powi(2) + disc * disc).sqrt();
+        let scale = (own * own + tilt * tilt).sqrt();
         let coarse = angle > WIDEST
             || (self.material.width.is_finite() && spread > FINE * scale)
-            || (share < 1.0
-                && patch.level < self.root.level
-                && tilt < NEAR_WIDTHS * scale.min(0.1));
+            || (share < 1.0 && patch.level < self.root.level && tilt < NEAR_WIDTHS * own.min(0.1));
         if coarse && patch.level < self.root.level + DEEPER {
             for part in patch.parts() {
                 self.descend(&part, into);

@@ -70,6 +70,22 @@ impl Loaded {
         }
     }
 
+    /// Becomes those of `from` in a box (borders included) that `accept` lets through.
+    pub fn take_in(&mut self, from: &Self, region: Aabb, accept: impl Fn(Vec3, Vec3) -> bool) {
+        self.clear();
+        for (block, bounds) in from.boxes.iter().enumerate() {
+            if bounds.min.cmpgt(region.max).any() || bounds.max.cmplt(region.min).any() {
+                continue;
+            }
+            for i in block * BLOCK..from.len().min((block + 1) * BLOCK) {
+                let (position, normal) = (from.position(i), from.normal[i]);
+                if region.contains(position) && accept(position, normal) {
+                    self.push(position, normal, from.light[i]);
+                }
+            }
+        }
+    }
+
     pub fn normals(&self) -> &[Vec3] {
         &self.normal
     }

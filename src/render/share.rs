@@ -73,6 +73,37 @@ fn grown(around: Aabb, reach_m: f32) -> Aabb {
     Aabb { min: around.min - reach, max: around.max + reach }
 }
 
+/// A reach, by more than rounding longer.
+fn wider(reach_m: f32) -> f32 {
+    reach_m * 1.0002 + 1e-4
+}
+
+fn around<'s>(group: impl Iterator<Item = &'s Spot>) -> Aabb {
+    Aabb::around(group.map(|s| s.position))
+}
+
+/// Where the photons of a group may lie.
+struct Reach {
+    region: Aabb,
+    around: Aabb,
+    wide_m: f32,
+    /// Of a group of one: its normal, and the least cosine of a photon's with it.
+    alone: Option<(Vec3, f32)>,
+}
+
+impl Reach {
+    fn of(group: &[Spot], reach_m: f32, tolerance: Tolerance) -> Self {
+        let (around, wide_m) = (around(group.iter()), wider(reach_m));
+        let alone = (group.len() == 1).then(|| (group[0].normal, tolerance.normal_cos));
+        Self { region: grown(around, wide_m), around, wide_m, alone }
+    }
+
+    fn holds(&self, position: Vec3, normal: Vec3) -> bool {
+        self.around.distance_squared(position) <= self.wide_m * self.wide_m
+            && self.alone.is_none_or(|(n, cos)| normal.dot(n) >= cos)
+    }
+}
+
 /// The disc over which the photons of a pixel are spread.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Disc {
@@ -122,6 +153,7 @@ pub(super) struct Scratch {
     pilot: Neighbours,
     loaded: Loaded,
     own: Loaded,
+    tile: Loaded,
     candidates: Candidates,
     mask: Mask,
     places: Vec<Vec3>,
@@ -247,10 +279,26 @@ impl<'a> Shared<'a> {
         (recorded, timesteps): (&Recorded, &Range<u32>),
         mut each: impl FnMut(&Spot, Found<'_>),
     ) -> Result<(), Error> {
+        // Groups of a tile look at much the same photons: few timesteps are read once for all.
+        let reached = |(numbers, reach_m): &(Vec<u32>, f32)| {
+            grown(around(numbers.iter().map(|&n| &spots[n as usize])), wider(*reach_m))
+        };
+        let region = recorded.groups.iter().map(reached).reduce(|all, one| all.union(one));
+        let mut tile = std::mem::take(&mut scratch.tile);
+        let whole = match region {
+            Some(region) => {
+                let most = self.most_loaded();
+                self.read((region, timesteps), most, |_, _| true, (&mut tile, value))?
+            }
+            None => false,
+        };
         for (number, (numbers, reach_m)) in recorded.groups.iter().enumerate() {
             let group: Vec<Spot> = numbers.iter().map(|&n| spots[n as usize]).collect();
+            if whole {
+                let reach = Reach::of(&group, *reach_m, self.tolerance);
+                scratch.loaded.take_in(&tile, reach.region, |p, n| reach.holds(p, n));
             // No more photons than last time: they fit.
-            if !self.load(&group, (*reach_m, timesteps), scratch, value)? {
+            } else if !self.load(&group, (*reach_m, timesteps), scratch, value)? {
                 continue;
             }
             let known = |at: usize| match recorded.discs[numbers[at] as usize] {
@@ -264,6 +312,7 @@ impl<'a> Shared<'a> {
             };
             self.group(&group, *reach_m, scratch, known, &mut answer);
         }
+        scratch.tile = tile;
         Ok(())
     }
 
@@ -347,28 +396,33 @@ impl<'a> Shared<'a> {
         scratch: &mut Scratch,
         value: &impl Fn(Beam) -> [i64; 2],
     ) -> Result<bool, Error> {
-        let around = Aabb::around(group.iter().map(|s| s.position));
-        // Beyond the reach by more than rounding.
-        let wide = reach_m * 1.0002 + 1e-4;
-        let region = grown(around, wide);
-        let alone = (group.len() == 1).then(|| group[0].normal);
+        let reach = Reach::of(group, reach_m, self.tolerance);
         let most = if group.len() == 1 { usize::MAX } else { self.most_loaded() };
-        let loaded = &mut scratch.loaded;
-        loaded.clear();
+        let accept = |position, normal| reach.holds(position, normal);
+        self.read((reach.region, timesteps), most, accept, (&mut scratch.loaded, value))
+    }
+
+    /// Reads the photons of some timesteps in a region; false where they are more than `most`.
+    fn read(
+        &self,
+        (region, timesteps): (Aabb, &Range<u32>),
+        most: usize,
+        accept: impl Fn(Vec3, Vec3) -> bool,
+        (out, value): (&mut Loaded, &impl Fn(Beam) -> [i64; 2]),
+    ) -> Result<bool, Error> {
+        out.clear();
         let mut too_many = false;
         self.store.lit_in_box(region, timesteps, |index, position, normal, light| {
-            if around.distance_squared(position) > wide * wide
-                || alone.is_some_and(|n| normal.dot(n) < self.tolerance.normal_cos)
-            {
-                return true;
+            if accept(position, normal) {
+                too_many = out.len() >= most;
+                if too_many {
+                    return false;
+                }
+                let timestep = light.timestep;
+                let beam = Beam { flux_w: light.flux_w, cos: light.cos, timestep };
+                let [surface, by_normal] = value(beam);
+                out.push(position, normal, Light { surface, normal: by_normal, index, timestep });
             }
-            if loaded.len() >= most {
-                too_many = true;
-                return false;
-            }
-            let timestep = light.timestep;
-            let [e, e_n] = value(Beam { flux_w: light.flux_w, cos: light.cos, timestep });
-            loaded.push(position, normal, Light { surface: e, normal: e_n, index, timestep });
             true
         })?;
         Ok(!too_many)

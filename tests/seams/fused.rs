@@ -86,6 +86,25 @@ fn a_fused_direct_view_gives_what_the_series_gives() {
     }
 }
 
+/// Without receivers nothing is made of photons: none are traced, and the run ends in its report.
+#[test]
+fn a_project_of_direct_views_alone_needs_no_photons() {
+    let (_keep, folder) = project("tiny");
+    let file = folder.join("project.toml");
+    let text = std::fs::read_to_string(&file).expect("the project's file");
+    let (head, rest) = text.split_once("[[observer]]").expect("observers");
+    let (_, glare) = rest.split_once("[glare]").expect("glare");
+    let text = format!("{head}[glare]{glare}");
+    let text = text.replace("estimator = \"photons\"", "estimator = \"direct\"");
+    std::fs::write(&file, text).expect("can be written");
+    succeed(&["run", folder.to_str().expect("a path of text"), "--quiet"]);
+    let made = folder.join("run/standard");
+    assert!(!made.join("photons.gmp").exists(), "no photons");
+    let events = std::fs::read_to_string(made.join("plan/glare-10/events.csv")).expect("events");
+    assert!(events.lines().count() > 2, "{events}");
+    assert!(folder.join("run/report.html").exists());
+}
+
 #[test]
 fn what_makes_no_sense_is_refused_by_name() {
     let (_keep, folder) = project("tiny");

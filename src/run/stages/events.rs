@@ -44,8 +44,14 @@ pub(super) fn write(
     let name = |file: &str| job.folder.glare(&candidate.name, &view.name, threshold, file);
     let hits = read_hits(job, view)?;
     let options = OpenOptions { cache_bytes: job.options.page_cache_bytes, access: Access::Mapped };
-    let store = Store::open(&job.folder.at(&job.folder.store(&candidate.name)), &options)?;
-    let senders = senders(&analysis.events, grid, &hits, &store, view)?;
+    let path = job.folder.at(&job.folder.store(&candidate.name));
+    // Where nothing is made of photons there may be none that could tell.
+    let senders = if view.direct && !path.exists() {
+        vec![None; analysis.events.len()]
+    } else {
+        senders(&analysis.events, grid, &hits, &Store::open(&path, &options)?, view)?
+    };
+    let surfaces: Vec<String> = job.site()?.pv.iter().map(|s| s.name.clone()).collect();
     let whole = TimeAxis::from(job.timeline()?);
     let steps = axis.unwrap_or(&whole);
     let told = Told {
@@ -54,7 +60,7 @@ pub(super) fn write(
         site: job.site()?,
         hits: &hits,
         north_deg: job.resolved.scene.north_deg,
-        surfaces: &store.info().surfaces,
+        surfaces: &surfaces,
     };
     let csv = name("events.csv");
     let path = job.folder.prepare(&csv)?;

@@ -26,6 +26,7 @@ pub mod moment;
 mod order;
 mod palette;
 mod passed;
+pub mod samples;
 mod seen;
 pub mod sensors;
 mod series;

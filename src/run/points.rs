@@ -9,9 +9,8 @@ use super::error::Error;
 use super::project::{ObserverTable, RegionTable};
 use super::resolve::{PlannedView, Resolved};
 use crate::base::limits;
-use crate::render::sensors::{
-    Footing, PvInView, Sample, Sensor, place, sample_objects, sample_polygon,
-};
+use crate::render::samples::{Sample, sample_objects, sample_polygon};
+use crate::render::sensors::{Footing, PvInView, Sensor, place};
 use crate::render::{HitMap, View};
 use crate::site::{Site, local_from_map};
 

@@ -97,9 +97,13 @@ fn a_project_of_direct_views_alone_needs_no_photons() {
     let text = format!("{head}[glare]{glare}");
     let text = text.replace("estimator = \"photons\"", "estimator = \"direct\"");
     std::fs::write(&file, text).expect("can be written");
-    succeed(&["run", folder.to_str().expect("a path of text"), "--quiet"]);
     let made = folder.join("run/standard");
-    assert!(!made.join("photons.gmp").exists(), "no photons");
+    std::fs::create_dir_all(&made).expect("a folder");
+    // What other settings left there tells nothing of these.
+    std::fs::write(made.join("photons.gmp"), "left over").expect("can be written");
+    succeed(&["run", folder.to_str().expect("a path of text"), "--quiet"]);
+    let left = std::fs::read(made.join("photons.gmp")).expect("still there");
+    assert_eq!(left, b"left over", "no photons are traced");
     let events = std::fs::read_to_string(made.join("plan/glare-10/events.csv")).expect("events");
     assert!(events.lines().count() > 2, "{events}");
     assert!(folder.join("run/report.html").exists());

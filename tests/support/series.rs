@@ -92,7 +92,15 @@ impl Dense {
 
     /// The whole volume, in one go.
     pub fn write(&self, path: &Path) -> glintmap::volume::Summary {
-        let writer = self.writer(path);
+        self.write_at(path, &timeline(self.timesteps))
+    }
+
+    /// The same at other times.
+    pub fn write_at(&self, path: &Path, timeline: &Timeline) -> glintmap::volume::Summary {
+        let (columns, rows, provenance) = (self.columns, self.rows, provenance());
+        let writer =
+            Writer::create_or_resume(path, timeline, columns, rows, Quantity::Surface, &provenance)
+                .expect("begins");
         for tile in self.tiles() {
             writer.put(tile, &self.entries(tile)).expect("writes");
         }

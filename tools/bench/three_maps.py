@@ -19,6 +19,8 @@ from pathlib import Path
 
 import numpy as np
 
+from three_ways import TIME
+
 ROOT = Path(__file__).resolve().parents[2]
 VIEW = "-vtl -vp -50 2 200 -vd 0 0 -1 -vu 0 1 0 -vh 50 -vv 50"
 THRESHOLD_W_M2 = 10.0
@@ -38,14 +40,7 @@ def project(folder, stored, edge):
         return not part.startswith(("[reference]", "[[observer]]", "[[view]]", "[time]"))
 
     text = "".join(part for part in parts if stays(part)).replace("250_000_000", str(stored))
-    text += """
-[time]
-year = 2025
-days = { from = 0, to = 364, step = 7 }
-hours = { from = 0.0, to = 23.75, step = 0.25 }
-sun = "spa"
-irradiance = "clear-sky"
-"""
+    text += TIME
     for name, estimator in (("counted", "photons"), ("direct", "direct")):
         text += f"""
 [[view]]

@@ -22,6 +22,15 @@ import time
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[2]
+# Every 7th day of a year, with the whole spectrum.
+TIME = """
+[time]
+year = 2025
+days = { from = 0, to = 364, step = 7 }
+hours = { from = 0.0, to = 23.75, step = 0.25 }
+sun = "spa"
+irradiance = "clear-sky"
+"""
 
 # On surfaces of the scene, with their normals.
 OBSERVERS = {
@@ -45,14 +54,7 @@ def project(folder, stored):
             tables[-1] += line
     out = "".join(t for t in tables if t.startswith(keep))
     out = out.replace("stored = 250_000_000", f"stored = {stored}")
-    out += """
-[time]
-year = 2025
-days = { from = 0, to = 364, step = 7 }
-hours = { from = 0.0, to = 23.75, step = 0.25 }
-sun = "spa"
-irradiance = "clear-sky"
-
+    out += TIME + """
 [[view]]
 name = "direct"
 sensors = "five.txt"

@@ -12,9 +12,9 @@ use serde_json::json;
 
 use super::glare::Made;
 use super::receivers::sheet::quoted;
-use super::render::read_hits;
+use super::render::{read_hits, telling_store};
 use crate::glare::{self, Event, Events, Regular};
-use crate::pages::{Access, Neighbours, OpenOptions, Query, Store};
+use crate::pages::{Neighbours, Query, Store};
 use crate::render::{Hit, HitMap};
 use crate::run::Error;
 use crate::run::clock::Clock;
@@ -43,13 +43,9 @@ pub(super) fn write(
     let Made { analysis, axis, grid, .. } = *made;
     let name = |file: &str| job.folder.glare(&candidate.name, &view.name, threshold, file);
     let hits = read_hits(job, view)?;
-    let options = OpenOptions { cache_bytes: job.options.page_cache_bytes, access: Access::Mapped };
-    let path = job.folder.at(&job.folder.store(&candidate.name));
-    // Where nothing is made of photons there may be none that could tell.
-    let senders = if view.direct && !path.exists() {
-        vec![None; analysis.events.len()]
-    } else {
-        senders(&analysis.events, grid, &hits, &Store::open(&path, &options)?, view)?
+    let senders = match telling_store(job, candidate)? {
+        Some(store) => senders(&analysis.events, grid, &hits, &store, view)?,
+        None => vec![None; analysis.events.len()],
     };
     let surfaces: Vec<String> = job.site()?.pv.iter().map(|s| s.name.clone()).collect();
     let whole = TimeAxis::from(job.timeline()?);

@@ -11,10 +11,10 @@ use serde_json::json;
 use super::judged::class;
 use super::passing::Crossings;
 use super::pictures::read;
-use super::render::read_hits;
+use super::render::{read_hits, telling_store};
 use crate::glare::Lengths;
 use crate::glare::rules::Class;
-use crate::pages::{Access, OpenOptions, Store};
+use crate::pages::Store;
 use crate::render::sensors;
 use crate::run::clock::Clock;
 use crate::run::job::{Job, Stage};
@@ -107,10 +107,7 @@ fn one(
     let map = |file: &str| job.folder.map(&candidate.name, &set.name, file);
     let hits = read_hits(job, set)?;
     let volume = Volume::open(&job.folder.at(&job.folder.series(&candidate.name, &set.name)))?;
-    let options = OpenOptions { cache_bytes: job.options.page_cache_bytes, access: Access::Mapped };
-    let path = job.folder.at(&job.folder.store(&candidate.name));
-    // Where nothing is made of photons there may be none.
-    let store = (!set.direct || path.exists()).then(|| Store::open(&path, &options)).transpose()?;
+    let store = telling_store(job, candidate)?;
     let points = read_points(&job.folder, set)?;
     let air = match set.direct {
         true => None,

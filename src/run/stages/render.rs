@@ -218,6 +218,12 @@ fn open_store(job: &Job<'_>, candidate: &Candidate) -> Result<Store, Error> {
     Ok(Store::open(&path, &options)?)
 }
 
+/// The photons that tell which PV surface sends; `None` where nothing is made of photons (a store
+/// that still lies there is left over from other settings).
+pub(super) fn telling_store(job: &Job<'_>, candidate: &Candidate) -> Result<Option<Store>, Error> {
+    job.resolved.needs_photons().then(|| open_store(job, candidate)).transpose()
+}
+
 /// How the series of a view is gathered.
 fn series_gather(job: &Job<'_>, view: &PlannedView) -> Result<Gather, Error> {
     let steps = job.timeline()?.steps.len();

@@ -5,14 +5,12 @@ use std::fs;
 use std::path::Path;
 use std::process::Command;
 
-use glintmap::base::TileSink;
-use glintmap::volume::{Quantity, Writer};
 use glintmap_formats::npy;
 
 use super::program;
 use super::volumes::Dice;
 use crate::support;
-use crate::support::series::{Dense, provenance, timeline};
+use crate::support::series::{Dense, timeline};
 
 /// Minutes between the timesteps of each day.
 const DAYS: [&[u32]; 5] = [
@@ -69,19 +67,7 @@ fn uneven_timesteps_give_what_the_reference_gives_on_the_finest_grid() {
     }
     let folder = tempfile::tempdir().unwrap();
     let path = |name: &str| folder.path().join(name).display().to_string();
-    let writer = Writer::create_or_resume(
-        Path::new(&path("volume.zarr")),
-        &line,
-        columns,
-        rows,
-        Quantity::Surface,
-        &provenance(),
-    )
-    .unwrap();
-    for tile in dense.tiles() {
-        writer.put(tile, &dense.entries(tile)).unwrap();
-    }
-    writer.finish().unwrap();
+    dense.write_at(Path::new(&path("volume.zarr")), &line);
     let start = ["glare", "analyse"];
     let (volume, ours) = (path("volume.zarr"), path("ours"));
     let arguments = [&volume, "--threshold", "10", "--out", &ours, "--json"];

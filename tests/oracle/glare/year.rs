@@ -2,11 +2,11 @@
 
 use std::collections::BTreeMap;
 
-use glintmap::base::{Silent, TileSink};
+use glintmap::base::Silent;
 use glintmap::glare::{self, YearMap};
-use glintmap::volume::{Quantity, TimeAxis, Volume, Writer};
+use glintmap::volume::{TimeAxis, Volume};
 
-use crate::support::series::{Dense, provenance, timeline};
+use crate::support::series::{Dense, timeline};
 
 /// The slow way: all timesteps of a pixel in memory.
 fn expected(
@@ -84,19 +84,7 @@ fn maps_of_the_year_are_those_of_sorted_lists() {
         }
         let path = folder.path().join(number.to_string());
         let [_, rows, columns] = shape;
-        let writer = Writer::create_or_resume(
-            &path,
-            &timeline,
-            columns,
-            rows,
-            Quantity::Surface,
-            &provenance(),
-        )
-        .unwrap();
-        for tile in dense.tiles() {
-            writer.put(tile, &dense.entries(tile)).unwrap();
-        }
-        writer.finish().unwrap();
+        dense.write_at(&path, &timeline);
         let volume = Volume::open(&path).unwrap();
         let axis = volume.axis().unwrap();
         let largest = dense.numbers.iter().copied().fold(0.0, f32::max);

@@ -4,6 +4,11 @@ use super::error::Error;
 use super::regular::instants;
 use crate::volume::TimeAxis;
 
+/// Sums of weights such as 1/12 h may miss a round number of hours by that much, h.
+pub(super) const SLACK_H: f64 = 1e-6;
+/// Instants in half an hour at most: more would be a step below a second.
+const MAX_HALF_HOUR: f64 = 1800.0;
+
 /// How long each timestep of a series lasts, as a number of instants of the finest regular grid
 /// (see [`Regular`](super::Regular)): 1 where all steps are alike.
 #[derive(Clone, Debug, PartialEq)]
@@ -30,6 +35,18 @@ impl Lengths {
     /// From one instant of the grid to the next, h.
     pub fn step_h(&self) -> f64 {
         self.step_h
+    }
+
+    /// Instants that fill half an hour.
+    ///
+    /// # Errors
+    /// A step of 0, or below a second.
+    pub(super) fn half_hour(&self) -> Result<usize, Error> {
+        let count = (0.5 / self.step_h - SLACK_H).ceil().max(1.0);
+        if !(self.step_h > 0.0 && count <= MAX_HALF_HOUR) {
+            return Err(Error::Step(self.step_h));
+        }
+        Ok(count as usize)
     }
 
     /// Instants of a timestep.

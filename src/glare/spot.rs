@@ -1,11 +1,9 @@
 use super::error::Error;
-use super::lengths::Lengths;
+use super::lengths::{Lengths, SLACK_H};
 use crate::volume::TimeAxis;
 
 /// Hours are summed as whole billionths, as the maps of the year are.
 const BILLIONTHS: f64 = 1e9;
-/// Sums of weights such as 1/12 h may miss a round number of hours by that much, h.
-const SLACK_H: f64 = 1e-6;
 
 /// The glare of one place over the year: of a point, or of anything that is dazzled or not at each
 /// timestep. No filter.
@@ -107,23 +105,16 @@ pub fn margins(axis: &TimeAxis, lengths: &Lengths, series: &[f32]) -> Result<[f3
     if series.len() != axis.day.len() {
         return Err(Error::Calendar { found: axis.day.len(), timesteps: series.len() });
     }
-    let step_h = lengths.step_h();
-    let half_hour = (0.5 / step_h - SLACK_H).ceil().max(1.0);
-    if !(step_h > 0.0 && half_hour <= 1800.0) {
-        return Err(Error::Step(step_h));
-    }
-    let descending = |values: &mut Vec<(f32, f64)>| values.sort_by(|a, b| b.0.total_cmp(&a.0));
-    let lit = || (0..series.len()).filter(|t| series[*t] > 0.0);
+    let half_hour = lengths.half_hour()?;
     let mut worst_day = 0.0f32;
-    let mut all: Vec<(f32, f64)> = Vec::new();
     let mut start = 0;
     while start < series.len() {
         let day = axis.day[start];
         let end = (start..series.len()).find(|t| axis.day[*t] != day).unwrap_or(series.len());
-        let count = |t: usize| (series[t], f64::from(lengths.instants(t)));
-        let mut values: Vec<(f32, f64)> = (start..end).map(count).collect();
-        descending(&mut values);
-        let mut sum = 0.0;
+        let count = |t: usize| (series[t], lengths.instants(t) as usize);
+        let mut values: Vec<(f32, usize)> = (start..end).map(count).collect();
+        values.sort_by(|a, b| b.0.total_cmp(&a.0));
+        let mut sum = 0;
         let full = values.iter().find(|(_, instants)| {
             sum += instants;
             sum >= half_hour
@@ -131,8 +122,9 @@ pub fn margins(axis: &TimeAxis, lengths: &Lengths, series: &[f32]) -> Result<[f3
         worst_day = worst_day.max(full.map_or(0.0, |v| v.0));
         start = end;
     }
-    all.extend(lit().map(|t| (series[t], axis.weight_h[t])));
-    descending(&mut all);
+    let lit = (0..series.len()).filter(|t| series[*t] > 0.0);
+    let mut all: Vec<(f32, f64)> = lit.map(|t| (series[t], axis.weight_h[t])).collect();
+    all.sort_by(|a, b| b.0.total_cmp(&a.0));
     let mut sum = 0.0;
     let year = all.iter().find(|(_, weight)| {
         sum += weight;

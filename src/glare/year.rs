@@ -5,22 +5,16 @@ use std::io;
 use rayon::prelude::*;
 
 use super::error::Error;
-use super::regular::instants;
+use super::lengths::{Lengths, SLACK_H};
 use super::slices::ReadFailure;
 use crate::base::limits::TILE_EDGE;
 use crate::base::{Progress, TileRect};
 use crate::volume::{TimeAxis, Volume};
 
-/// How long the irradiance is exceeded of which [`YearMap::ExceededOnWorstDay`] speaks, h.
-const WORST_DAY_H: f64 = 0.5;
-/// The same for [`YearMap::ExceededInYear`], h.
+/// How long the irradiance is exceeded of which [`YearMap::ExceededInYear`] speaks, h.
 const YEAR_H: f64 = 50.0;
 /// Hours are summed as whole billionths, so that their order doesn't matter.
 const BILLIONTHS: f64 = 1e9;
-/// Sums of weights such as 1/12 h may miss a round number of hours by that much, h.
-const SLACK_H: f64 = 1e-6;
-/// Timesteps in half an hour at most: more would be a step below a second.
-const MAX_HALF_HOUR: f64 = 1800.0;
 pub(super) const TILE: usize = TILE_EDGE * TILE_EDGE;
 
 /// What is known of each pixel over the year, from the volume as it is, without any filter: the
@@ -160,21 +154,15 @@ pub(super) struct Clock<'a> {
     month: Vec<u8>,
     /// What clocks show at each timestep, h.
     hour: Vec<f64>,
-    /// Instants of the regular grid for which each timestep stands.
-    instants: Vec<u32>,
-    /// From one such instant to the next, h.
-    step_h: f64,
-    /// Instants that fill half an hour.
+    lengths: Lengths,
+    /// Instants of the regular grid that fill half an hour.
     half_hour: usize,
 }
 
 impl<'a> Clock<'a> {
     pub fn new(axis: &'a TimeAxis, clock_h: Option<&[f64]>) -> Result<Self, Error> {
-        let (instants, step_h) = instants(axis)?;
-        let half_hour = (WORST_DAY_H / step_h - SLACK_H).ceil().max(1.0);
-        if !(step_h > 0.0 && half_hour <= MAX_HALF_HOUR) {
-            return Err(Error::Step(step_h));
-        }
+        let lengths = Lengths::of(axis)?;
+        let half_hour = lengths.half_hour()?;
         let (hour, timesteps) = (clock_h.unwrap_or(&axis.hour).to_vec(), axis.day.len());
         if hour.len() != timesteps {
             return Err(Error::Calendar { found: hour.len(), timesteps });
@@ -182,8 +170,7 @@ impl<'a> Clock<'a> {
         // A weight that isn't a number, or below 0, becomes 0.
         let weight = axis.weight_h.iter().map(|h| (h * BILLIONTHS).round() as u64).collect();
         let month = axis.day.iter().map(|day| month(axis.year, *day)).collect();
-        let half_hour = half_hour as usize;
-        Ok(Self { axis, weight, month, hour, instants, step_h, half_hour })
+        Ok(Self { axis, weight, month, hour, lengths, half_hour })
     }
 
     pub fn timesteps(&self) -> usize {
@@ -268,7 +255,7 @@ impl<'a> Pixels<'a> {
         for pixel in &mut self.pixels {
             pixel.end_day(self.clock.half_hour);
         }
-        let step_h = self.clock.step_h;
+        let step_h = self.clock.lengths.step_h();
         let values = |map: &YearMap| self.pixels.iter().map(|p| p.value(*map, step_h)).collect();
         maps.iter().map(values).collect()
     }
@@ -283,7 +270,7 @@ impl Pixel {
             self.highest_day_after = day_after;
         }
         let at = self.highest.partition_point(|v| *v >= value);
-        for _ in 0..(clock.instants[timestep] as usize).min(clock.half_hour - at) {
+        for _ in 0..(clock.lengths.instants(timestep) as usize).min(clock.half_hour - at) {
             self.highest.truncate(clock.half_hour - 1);
             self.highest.insert(at, value);
         }
@@ -325,12 +312,12 @@ impl Pixel {
             self.today = 0;
             self.days += 1;
         }
-        self.today += clock.instants[timestep];
+        self.today += clock.lengths.instants(timestep);
         self.longest_day = self.longest_day.max(self.today);
         let goes_on = self.end as usize == timestep
             && timestep > 0
             && axis.segment[timestep] == axis.segment[timestep - 1];
-        self.run = if goes_on { self.run } else { 0 } + clock.instants[timestep];
+        self.run = if goes_on { self.run } else { 0 } + clock.lengths.instants(timestep);
         self.end = timestep as u32 + 1;
         self.longest_run = self.longest_run.max(self.run);
         let hour = clock.hour[timestep];

@@ -21,6 +21,7 @@ mod fused;
 mod gather;
 mod hits;
 mod loaded;
+mod lobe;
 mod mirror;
 pub mod moment;
 mod order;

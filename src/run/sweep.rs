@@ -143,7 +143,7 @@ pub fn sweep(
         let seen = sights(&pv, *eye);
         for candidate in &candidates {
             let each: Vec<_> = candidate.bsdfs.iter().map(EyeMaterial::new).collect();
-            let materials: Vec<_> = site.pv.iter().map(|s| each[s.entry]).collect();
+            let materials: Vec<_> = site.pv.iter().map(|s| each[s.entry].clone()).collect();
             let sweeper = Sweeper {
                 pv: &pv,
                 seen: &seen,

@@ -3,6 +3,7 @@
 mod bsdf;
 mod direct;
 mod eyes;
+mod figures;
 mod glare;
 mod maps;
 mod mirror;

@@ -7,9 +7,12 @@ within 4 standard errors in annual irradiance, and why durations differ.
         --figure durations.png                                            the paper's
     python tools/bench/direct.py --only direct --plan 1000 --panorama 2000        the paper's, direct alone
     python tools/bench/direct.py --only direct --days 0:364:1 --plan 250  a full year, fused
+    python tools/bench/direct.py --store FOLDER --stored 250000000 --bandwidth 400 --materials standard \
+        --around -48,6,12 --plan 300 --figure close.png     twelve metres of the plan, so close that
+                                                            discs are larger than pixels
 
 Both run from the same project, one material at a time and in turn, into folders of their own;
-`--keep FOLDER` leaves them there. `--store FOLDER` takes photons from a project's folder that was
+`--keep FOLDER` leaves them there, and goes on with what is there. `--store FOLDER` takes photons from a project's folder that was
 traced before (its materials that were, the rest is traced here): they are linked, not changed, and
 traced anew if they were made from other settings, which is said.
 
@@ -44,9 +47,10 @@ THRESHOLD_W_M2 = 10.0
 PAPER_H = 4.0
 
 
-def project_of(folder, material):
-    """The case study with one material."""
-    shutil.copytree(ROOT / "fixtures/projects/case-study", folder, ignore=shutil.ignore_patterns("run"))
+def project_of(folder, material, views):
+    """The case study with one material and these views."""
+    shutil.copytree(ROOT / "fixtures/projects/case-study", folder, ignore=shutil.ignore_patterns("run"),
+                    dirs_exist_ok=True)
     path = folder / "project.toml"
     parts = re.split(r"(?m)^(?=\[)", path.read_text())
 
@@ -54,7 +58,9 @@ def project_of(folder, material):
         name = re.match(r'\[\[material\]\].*\nname = "(.*?)"', part)
         # Regions and observers would have photons traced for the direct run, too.
         left_out = ("[reference]", "[[region]]", "[[observer]]")
-        return (not name or name.group(1) == material) and not part.startswith(left_out)
+        view = re.match(r'\[\[view\]\]\nname = "(.*?)"', part)
+        return ((not name or name.group(1) == material) and (not view or view.group(1) in views)
+                and not part.startswith(left_out))
 
     path.write_text("".join(part for part in parts if stays(part)))
     return folder
@@ -142,7 +148,7 @@ def plain_pixels(found, expected, radius_m, metres):
     return out
 
 
-def compare(material, view, folders, metres):
+def compare(material, view, folders, metres, plan_m):
     photons, direct = (channels(folders[name] / material / view / "annual.exr") for name in ["photons", "direct"])
     found, expected = photons["annual.wh_m2"], direct["annual.wh_m2"]
     if not (found > 0).any():
@@ -158,7 +164,8 @@ def compare(material, view, folders, metres):
     print(f"  {view}: {plain.sum()} of {(expected > 0).sum()} lit pixels compared, "
           f"{100 * (np.abs(off) <= 4).mean():.2f} % within 4 standard errors, mean {off.mean():+.3f} and "
           f"deviation {off.std():.2f} of them, sum ratio {ratio:.4f}; bound of the direct sum {100 * bound:.2f} %")
-    found = durations.explain(folders["photons"], folders["direct"], material, view, THRESHOLD_W_M2)
+    found = durations.explain(folders["photons"], folders["direct"], material, view, THRESHOLD_W_M2,
+                              plan_m=plan_m)
     found.tell(plain)
     return found
 
@@ -176,15 +183,22 @@ def main():
     parser.add_argument("--threads", type=int)
     parser.add_argument("--figure", type=Path, help="PNG of the durations")
     parser.add_argument("--store", type=Path, help="a project's folder with photons of the same settings")
+    parser.add_argument("--around", help="X,Y,EDGE in metres: of the plan this square alone, no panorama")
     parser.add_argument("--keep", type=Path, help="folder that the runs stay in")
     arguments = parser.parse_args()
+    views, plan_m = VIEWS, durations.PLAN_M
     common = [
         f"photons.stored={arguments.stored}",
         f"view.plan.size=[{arguments.plan}, {arguments.plan}]",
-        f"view.panorama.size=[{arguments.panorama}, {arguments.panorama // 4}]",
         f"view.plan.bandwidth={arguments.bandwidth}",
-        f"view.panorama.bandwidth={arguments.bandwidth}",
     ]
+    if arguments.around:
+        x, y, plan_m = (float(n) for n in arguments.around.split(","))
+        views = ["plan"]
+        common += [f'view.plan.view="-vtl -vp {x} {y} 200 -vd 0 0 -1 -vu 0 1 0 -vh {plan_m} -vv {plan_m}"']
+    else:
+        common += [f"view.panorama.size=[{arguments.panorama}, {arguments.panorama // 4}]",
+                   f"view.panorama.bandwidth={arguments.bandwidth}"]
     if arguments.days:
         first, last, step = arguments.days.split(":")
         common += [f"time.days={{ from = {first}, to = {last}, step = {step} }}", "time.half_year=false"]
@@ -194,11 +208,11 @@ def main():
         for material in arguments.materials:
             print(material, flush=True)
             folders = {}
-            fused = ["view.plan.fuse=true", "view.panorama.fuse=true"] if arguments.days else []
+            fused = [f"view.{v}.fuse=true" for v in views] if arguments.days else []
             for name in ["photons", "direct"]:
                 if arguments.only in (None, name):
-                    project = project_of(Path(arguments.keep or folder) / f"{material}-{name}", material)
-                    both = [f'view.{v}.estimator="{name}"' for v in VIEWS]
+                    project = project_of(Path(arguments.keep or folder) / f"{material}-{name}", material, views)
+                    both = [f'view.{v}.estimator="{name}"' for v in views]
                     if name == "photons" and arguments.store:
                         link_store(project, arguments.store, material)
                     cpu, wall, memory = run(arguments.glintmap, project, common + both + fused, arguments.threads)
@@ -209,12 +223,13 @@ def main():
                     print(f"  {name}: {wall:.1f} s{traced}, {cpu:.1f} CPU s, {memory:.0f} MiB anonymous at most", flush=True)
                     folders[name] = project / "run"
             if len(folders) == 2 and not fused:
-                for view, metres in [("plan", 200 / arguments.plan), ("panorama", None)]:
-                    result = compare(material, view, folders, metres)
+                for view in views:
+                    metres = plan_m / arguments.plan if view == "plan" else None
+                    result = compare(material, view, folders, metres, plan_m)
                     if result:
                         all_series[material, view] = result
     cores = arguments.threads or len(os.sched_getaffinity(0))
-    print(f"all {len(arguments.materials)} materials, both views, {cores} threads: photons {total['photons']:.0f} s, "
+    print(f"all {len(arguments.materials)} materials, {' and '.join(views)}, {cores} threads: photons {total['photons']:.0f} s, "
           f"direct {total['direct']:.0f} s; the paper: {PAPER_H:g} h on 8 cores for one")
     if arguments.figure and all_series:
         durations.figure(arguments.figure, all_series)

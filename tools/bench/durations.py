@@ -59,27 +59,36 @@ def footprints(view, position, normal):
     return away**2 / np.maximum(np.abs((way * normal).sum(-1)) / np.maximum(away, 1e-3), 0.05)
 
 
+def rms(values):
+    return float(np.sqrt(np.mean(values**2))) if len(values) else 0.0
+
+
 class Explained:
     def tell(self, plain):
-        """Says how photons' hours differ and what explains it."""
+        """Says how photons' hours differ and what explains it; `plain`: pixels whose disc crosses no border."""
         found, exact = self.hours
         lit = np.maximum(found, exact) > 0
-        both = lit & plain
+        if not lit.any():
+            print(f"    never above {self.threshold:g} W/m2")
+            return
         median = lambda mask: np.median(np.abs(found - exact)[mask]) if mask.any() else 0.0
-        print(f"    hours above {self.threshold:g} W/m2: direct {exact[lit].mean():.2f}, photons {found[lit].mean():.2f} "
-              f"on average of {lit.sum()} pixels; median difference {median(lit):.2f} h, on compared ones {median(both):.2f} h")
+        print(f"    hours above {self.threshold:g} W/m2: direct {exact[lit].mean():.2f}, photons {found[lit].mean():.2f} on "
+              f"average of {lit.sum()} pixels; median difference {median(lit):.2f} h, on compared ones {median(lit & plain):.2f} h")
         if len(self.expected) < 2:
             return
-        differ, blur = self.found - self.exact, self.blurred - self.exact
-        noise, rest = self.expected - self.blurred, self.found - self.expected
-        rms = lambda v: float(np.sqrt(np.mean(v**2)))
-        within = np.abs(rest) <= 2 * self.deviation + self.step_h
-        alike = np.corrcoef(differ, self.expected - self.exact)[0, 1]
-        print(f"    expected and found differences: correlation {alike:.2f}")
-        print(f"    of {len(differ)} of them: difference {rms(differ):.2f} h (root mean square, mean {differ.mean():+.2f}) = "
-              f"blur of the disc {rms(blur):.2f} ({blur.mean():+.2f}) + noise at the threshold {rms(noise):.2f} "
-              f"({noise.mean():+.2f}) + rest {rms(rest):.2f} ({rest.mean():+.2f}); chance leaves {rms(self.deviation):.2f}; "
-              f"{100 * within.mean():.1f} % within two standard deviations and a timestep")
+        self.plain = plain[self.chosen[:, 0], self.chosen[:, 1]]
+        alike = np.corrcoef(self.found - self.exact, self.expected - self.exact)[0, 1]
+        print(f"    of {len(self.found)} pixels, discs of {np.median(self.radius):.2f} m (median); expected and found differences "
+              f"correlate by {alike:.2f}")
+        print("    | h/a, root mean square | pixels | found | blur of the disc | noise at the threshold | chance | left "
+              "| within 2 deviations and a timestep |")
+        for name, of in [("no border in the disc", self.plain), ("a border in the disc", ~self.plain)]:
+            differ, blur = (self.found - self.exact)[of], (self.blurred - self.exact)[of]
+            noise, rest = (self.expected - self.blurred)[of], (self.found - self.expected)[of]
+            within = np.abs(rest) <= 2 * self.deviation[of] + self.step_h
+            cells = [rms(differ), rms(blur), rms(noise), rms(self.deviation[of]), rms(rest)]
+            shown = " | ".join(f"{c:.1f}" for c in cells)
+            print(f"    | {name} | {of.sum()} | {shown} | {100 * within.mean() if len(within) else 0:.1f} % |")
 
 
 def discs(chosen, position, normal, kind, area, radius_m, looked):
@@ -106,17 +115,20 @@ def discs(chosen, position, normal, kind, area, radius_m, looked):
         at, weight = at_row[same] * columns + at_column[same], area[at_row[same], at_column[same]]
         whole = weight.sum()
         if view == "plan":
-            # An open disc is divided by its whole area; counted on the same raster.
-            across = (dr * dr + dc * dc) * pixel_m**2 <= r * r
-            whole = max(whole, across.sum())
+            # An open disc is divided by its whole area: by that of the pixels that would be in it if
+            # the surface went on as a plane, so that the raster's steps cancel.
+            dx, dy, (nx, ny, nz) = dc[inside] * pixel_m, -dr[inside] * pixel_m, normal[row, column]
+            dz = -(nx * dx + ny * dy) / (nz if abs(nz) > 0.05 else 0.05)
+            flat = dx * dx + dy * dy + dz * dz <= r * r
+            there_or_flat = np.where(same, area[at_row, at_column], area[row, column])
+            whole = max(whole, there_or_flat[flat].sum())
         if len(at) == 0:
             at, weight, whole = np.array([row * columns + column]), np.ones(1), 1.0
         out.append((at, (weight / whole).astype(np.float32)))
     return out
 
 
-def explain(photons, direct, material, view, threshold, names=None, plan_m=PLAN_M):
-    """`names`: of the view by photons and of that by direct integration, where they differ."""
+def explain(photons, direct, material, view, threshold, plan_m=PLAN_M):
     import OpenEXR
     import zarr
     from scipy.sparse import csr_matrix
@@ -124,10 +136,9 @@ def explain(photons, direct, material, view, threshold, names=None, plan_m=PLAN_
 
     out = Explained()
     out.threshold, out.view = threshold, view
-    names = names or (view, view)
-    with OpenEXR.File(str(photons / material / names[0] / "noise.exr")) as file:
+    with OpenEXR.File(str(photons / material / view / "noise.exr")) as file:
         photon, radius = (np.array(file.channels()[n].pixels) for n in ("photon.w_m2", "series_radius.m"))
-    folders = [f / material / name for f, name in zip((photons, direct), names)]
+    folders = [f / material / view for f in (photons, direct)]
     stores = [zarr.open_group(str(f / "series.zarr"), mode="r") for f in folders]
     values = [next(a for _, a in s.arrays() if a.ndim == 3) for s in stores]
     weight_h = stores[0]["weight_h"][:]
@@ -142,10 +153,11 @@ def explain(photons, direct, material, view, threshold, names=None, plan_m=PLAN_
     concerned = np.argwhere((photon > 0) & (radius > 0) & (np.maximum(*hours) > 0))
     chosen = concerned[np.random.default_rng(1).permutation(len(concerned))[:SAMPLES]]
     flat = chosen[:, 0] * columns + chosen[:, 1]
+    out.chosen, out.radius = chosen, radius.ravel()[flat]
     out.found, out.exact = (h.ravel()[flat] for h in hours)
     blurred, expected, variance = (np.zeros(len(chosen)) for _ in range(3))
     if len(chosen):
-        position, normal, kind = hits(photons / names[0] / "hits.gmh")
+        position, normal, kind = hits(photons / view / "hits.gmh")
         of = discs(chosen, position, normal, kind, footprints(view, position, normal), radius, (view, plan_m))
         # All discs as one sparse matrix.
         ends = np.cumsum([0] + [len(at) for at, _ in of])
@@ -171,7 +183,9 @@ def figure(path, all_found):
     matplotlib.use("Agg")
     import matplotlib.pyplot as plt
 
-    all_found = {k: f for k, f in all_found.items() if len(f.expected)}
+    all_found = {k: f for k, f in all_found.items() if len(f.expected) > 1}
+    if not all_found:
+        return print("no figure: nothing is above the threshold")
     rows = len(all_found)
     shape, axes = plt.subplots(rows, 3, figsize=(13, 3.4 * rows), squeeze=False, width_ratios=[1.5, 1, 1])
     for (where, expect, left), ((material, view), f) in zip(axes, all_found.items()):
@@ -182,18 +196,19 @@ def figure(path, all_found):
         where.axis("off")
         shape.colorbar(drawn, ax=where, shrink=0.7, label="h/a")
         differ, predicted = f.found - f.exact, f.expected - f.exact
-        expect.plot(f.blurred - f.exact, differ, ".", ms=2, color="#c9c9c9", label="blur of the disc alone")
-        expect.plot(predicted, differ, ".", ms=2, color="#1f4e79", label="with noise at the threshold")
+        x = np.linspace(-6, 6, 200)
+        left.plot(x, np.exp(-x * x / 2) / np.sqrt(2 * np.pi), color="black", lw=0.8, label="chance alone")
+        for of, color, name in [(~f.plain, "#c0504d", "a border in the disc"), (f.plain, "#1f4e79", "none")]:
+            expect.plot(predicted[of], differ[of], ".", ms=2, color=color, label=name)
+            chance = of & (f.deviation > 0.05 * f.step_h)
+            units = np.clip((f.found - f.expected)[chance] / f.deviation[chance], -6, 6)
+            left.hist(units, bins=48, range=(-6, 6), density=True, histtype="step", color=color)
         ends = [min(predicted.min(), differ.min()), max(predicted.max(), differ.max())]
         expect.plot(ends, ends, "-", lw=0.7, color="black")
         expect.set_xlabel("expected difference (h/a)", fontsize=8)
         expect.set_ylabel("found (h/a)", fontsize=8)
         expect.legend(fontsize=6, markerscale=3)
-        chance = f.deviation > 0.05 * f.step_h
-        units = np.clip((f.found - f.expected)[chance] / f.deviation[chance], -6, 6)
-        left.hist(units, bins=48, range=(-6, 6), density=True, color="#1f4e79")
-        x = np.linspace(-6, 6, 200)
-        left.plot(x, np.exp(-x * x / 2) / np.sqrt(2 * np.pi), color="black", lw=0.8)
+        left.legend(fontsize=6)
         left.set_xlabel("what is left, in standard deviations of chance", fontsize=8)
         for axis in (expect, left):
             axis.tick_params(labelsize=7)

@@ -118,7 +118,6 @@ def main():
     parser.add_argument("--stored", type=int, default=1_000_000)
     parser.add_argument("--edge", type=int, default=250, help="of the maps, pixels")
     parser.add_argument("--out", type=Path, required=True)
-    parser.add_argument("--durations", type=Path, help="PNG that explains how the two maps differ, too")
     parser.add_argument("--keep", type=Path, help="folder for the project and its run")
     asked = parser.parse_args()
     folder = asked.keep or Path(tempfile.mkdtemp())
@@ -128,13 +127,6 @@ def main():
     regions = [part for region in REGIONS for part in ("--region", region)]
     said = subprocess.run([asked.glintmap, "mirror", folder, "--json", "--quiet", *regions], check=True, capture_output=True, text=True)
     draw(folder, json.loads(said.stdout), asked.out)
-    if asked.durations:
-        import durations
-
-        run, names = folder / "run", ("counted", "direct")
-        found = durations.explain(run, run, "standard", "plan", THRESHOLD_W_M2, names, 50.0)
-        found.tell(np.zeros(found.hours[0].shape, bool))
-        durations.figure(asked.durations, {("standard", "plan"): found})
 
 
 if __name__ == "__main__":

@@ -37,7 +37,8 @@ impl<'a> FusedDirect<'a> {
         let pixels = (hits.columns * hits.rows) as u64;
         progress.begin("direct integration", pixels, "pixels");
         let quantities = [Some(quantity), None];
-        tiles.order.tiles().par_iter().try_for_each_init(Buffers::default, |buffers, &tile| {
+        let each = tiles.order.tiles();
+        each.par_iter().with_max_len(1).try_for_each_init(Buffers::default, |buffers, &tile| {
             let (summary, sums) = tiles.integrate(tile, &all, quantities, buffers, progress)?;
             let [entries, _] = &buffers.entries;
             keep(tile, &sums)?;
@@ -71,7 +72,7 @@ impl<'a> FusedDirect<'a> {
     ) -> Result<(), Error> {
         let quantities = [Some(self.quantity), None];
         let tiles = self.tiles.order.tiles();
-        tiles.par_iter().try_for_each_init(Buffers::default, |buffers, &tile| {
+        tiles.par_iter().with_max_len(1).try_for_each_init(Buffers::default, |buffers, &tile| {
             self.tiles.integrate(tile, &timesteps, quantities, buffers, progress)?;
             let [entries, _] = &buffers.entries;
             if !entries.is_empty() {

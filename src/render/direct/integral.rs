@@ -392,7 +392,7 @@ impl Integral<'_> {
         if let (Kernel::Lobe(lobe), true) = (self.kernel, way >= SEVEN) {
             let places = &self.places[way - SEVEN];
             lobe.add_points((ways, self.toward), suns, list, places, &mut self.scratch.sums);
-            fit = lobe.fit as f32;
+            fit = lobe.shape.fit as f32;
         } else {
             self.points_of(seen, if jumps { SEVEN } else { way });
             let Scratch { points, sums, middle, .. } = &mut *self.scratch;

@@ -2,6 +2,7 @@ use glam::DVec3;
 
 use super::lobe::Lobe;
 use super::suns::Suns;
+use crate::render::lobe::FacetLobe;
 use crate::site::bsdf::{FacetTerm, Measured, Term};
 
 /// A term of a scattering function over the suns of a facet, in the form that is evaluated for
@@ -53,7 +54,7 @@ impl<'a> Kernel<'a> {
                 let Some(alpha) = term.alpha() else {
                     return Self::Ground { term: Some(term), from };
                 };
-                Self::Lobe(Box::new(Lobe::of(share, alpha, &term, from, suns)))
+                Self::Lobe(Box::new(Lobe::of(FacetLobe::of(share, alpha, &term), from, suns)))
             }
             Term::Measured(measured) => {
                 let patches = measured.patches();
@@ -75,7 +76,7 @@ impl<'a> Kernel<'a> {
     /// Half-width of the lobe; `None` for what is smooth.
     pub(super) fn alpha(&self) -> Option<f64> {
         match self {
-            Self::Lobe(lobe) => Some(lobe.alpha),
+            Self::Lobe(lobe) => Some(lobe.shape.alpha),
             Self::Ground { .. } | Self::Patches { .. } | Self::Cells { .. } => None,
         }
     }
@@ -219,7 +220,7 @@ mod tests {
                     let kernel = Kernel::of(share, term, &suns);
                     kernel.add_all(&[point], &suns, &list, &mut sums);
                     if let Kernel::Lobe(lobe) = &kernel {
-                        fit = lobe.fit;
+                        fit = lobe.shape.fit;
                     }
                     for ((value, s), n) in values.iter_mut().zip(&sums.surface).zip(&sums.normal) {
                         assert!((s - 0.5 * n).abs() <= 1e-6 * n);

@@ -1,40 +1,18 @@
 //! GGX facets over a ground, for many suns or many places at once.
 
-use std::f64::consts::PI;
-
-use glam::DVec3;
-
 use super::kernel::{Point, Sums};
 use super::suns::Suns;
 use crate::render::MIN_COS;
-use crate::site::bsdf::FacetTerm;
+use crate::render::lobe::{FacetLobe, Outs};
 
-/// GGX facets over a ground.
+/// A lobe with all that depends on the suns alone.
 #[derive(Debug)]
 pub(super) struct Lobe {
-    pub alpha: f64,
-    share: f64,
-    /// What a facet reflects, as a polynomial of `2 cos - 1`.
-    reflectance: [f32; TERMS],
-    /// The ground's factor at even steps of the cosine, straight in between.
-    ground: Vec<f32>,
-    /// Largest relative error of the reflectance.
-    pub fit: f64,
+    pub shape: FacetLobe,
     /// By sun: `strength * cos * ground`.
     pub from: Vec<f32>,
     /// By sun: Smith's Lambda.
     pub hidden: Vec<f32>,
-}
-
-/// Coefficients of a reflectance's polynomial.
-const TERMS: usize = 15;
-/// Steps of a ground's factor: good to 1e-5.
-const STEPS: usize = 512;
-
-/// Smith's Lambda of GGX.
-fn hidden(v: DVec3, alpha: f64) -> f64 {
-    let tan2 = (v.x * v.x + v.y * v.y) / (v.z * v.z);
-    0.5 * ((1.0 + alpha * alpha * tan2).sqrt() - 1.0)
 }
 
 /// Places of the PV that stand for some area, as a spot sees them.
@@ -68,39 +46,14 @@ pub(super) struct Place {
     pub chord: f32,
 }
 
-/// Outgoing directions with what depends on them alone.
-#[derive(Clone, Copy, Debug)]
-struct Outs<const N: usize> {
-    x: [f32; N],
-    y: [f32; N],
-    z: [f32; N],
-    /// Before the lobe.
-    scale: [f32; N],
-    /// Before the ground.
-    ground: [f32; N],
-    /// `1 + Lambda`.
-    hidden: [f32; N],
-    surface: [f32; N],
-    normal: [f32; N],
-}
-
 /// Points of a rule, at most.
 pub(super) const POINTS: usize = 8;
 
 impl Lobe {
     /// Of a term with a share of the area. `from`: what enters the ground, by sun.
-    pub(super) fn of(
-        share: f64,
-        alpha: f64,
-        term: &FacetTerm<'_>,
-        from: Vec<f32>,
-        suns: &Suns,
-    ) -> Self {
-        let (reflectance, fit) = polynomial(&|cos| term.reflectance(cos));
-        let step = 1.0 / STEPS as f64;
-        let ground = (0..=STEPS).map(|i| term.ground(i as f64 * step) as f32).collect();
-        let hidden = suns.direction.iter().map(|d| hidden(*d, alpha) as f32).collect();
-        Self { alpha, share, reflectance, ground, fit, from, hidden }
+    pub(super) fn of(shape: FacetLobe, from: Vec<f32>, suns: &Suns) -> Self {
+        let hidden = suns.direction.iter().map(|d| shape.hidden(*d)).collect();
+        Self { shape, from, hidden }
     }
 
     /// Point by point, all suns at once: for few points and many suns.
@@ -117,24 +70,8 @@ impl Lobe {
                 surface: [point.surface as f32],
                 normal: [point.normal as f32],
             };
-            self.prepare(&mut outs);
+            self.shape.prepare(&mut outs);
             pulp::Arch::new().dispatch(One { lobe: self, out: &outs, sums });
-        }
-    }
-
-    #[inline(always)]
-    fn prepare<const N: usize>(&self, outs: &mut Outs<N>) {
-        let alpha2 = (self.alpha * self.alpha) as f32;
-        let scale = (self.share * self.alpha * self.alpha * 0.25 / PI) as f32;
-        for k in 0..N {
-            let z = outs.z[k];
-            let z2 = z * z;
-            outs.hidden[k] = 0.5 + 0.5 * (1.0 + alpha2 * (1.0 - z2).max(0.0) / z2).sqrt();
-            outs.scale[k] = scale / z;
-            let at = z * STEPS as f32;
-            let below = (at as usize).min(STEPS - 1);
-            let [a, b] = [self.ground[below], self.ground[below + 1]];
-            outs.ground[k] = a + (at - below as f32) * (b - a);
         }
     }
 
@@ -153,39 +90,6 @@ impl Lobe {
         pulp::Arch::new().dispatch(Eight { lobe, ways, toward, suns, list, places, into });
     }
 
-    /// Radiance towards one direction, W/m2/sr. `second`: see [`Place`], and [`Suns::steep`]: the
-    /// mean over a part of the sun's disc is the value at its middle plus half of the mean squares
-    /// times the second derivatives. In the plane of the facet the lobe is a function of the half
-    /// vector's shadow d, `(d^2 + alpha^2 h_z^2)^-2`, and the disc is shorter by `cos_i` along the
-    /// sun's own shadow.
-    #[inline(always)]
-    fn value<const N: usize>(
-        &self,
-        [x, y, z, strength, from, hidden]: [f32; 6],
-        [side, up, steep]: [f32; 3],
-        alpha2: f32,
-        outs: &Outs<N>,
-        p: usize,
-    ) -> f32 {
-        let (dx, dy, hz) = (x + outs.x[p], y + outs.y[p], z + outs.z[p]);
-        let (across2, hz2) = (dx * dx + dy * dy, hz * hz);
-        let length2 = across2 + hz2;
-        // The half vector's length is twice the cosine on the facet.
-        let mirrored = horner(&self.reflectance, length2.sqrt() - 1.0);
-        let spread = across2 + alpha2 * hz2;
-        let seen = outs.hidden[p] + hidden;
-        let inverse = 1.0 / (spread * seen);
-        let q = inverse * seen;
-        let lobe = outs.scale[p] * (length2 * q) * (length2 * q) * (inverse * spread);
-        let along = dx * x + dy * y;
-        let up2 = along * along * steep;
-        let bend =
-            side * (24.0 * q * (across2 - up2) - 4.0) + up * (z * z) * (24.0 * q * up2 - 4.0);
-        strength * lobe * (1.0 + q * bend) * mirrored + outs.ground[p] * from
-    }
-}
-
-impl Lobe {
     /// Radiance towards one direction, W/m2/sr, of a chord of the disc that reaches `half` to both
     /// sides along `up`. Along it the lobe is `1 / q^2` of a square polynomial q, whose
     /// integral is known; all else is taken at the mean place, and the length's fourth power to
@@ -222,7 +126,7 @@ impl Lobe {
         let length2 = dx * dx + dy * dy + hz * hz;
         let slope = 2.0 * (dx * up[0] + dy * up[1] + hz * up[2]);
         let fourth = length2 * length2 + spread * (slope * slope + 2.0 * length2);
-        let mirrored = horner(&self.reflectance, length2.sqrt() - 1.0);
+        let mirrored = self.shape.reflected(length2);
         let lobe = outs.scale[p] * fourth * sum / (4.0 * half);
         strength * lobe * mirrored / (outs.hidden[p] + hidden) + outs.ground[p] * from
     }
@@ -273,10 +177,10 @@ impl pulp::NullaryFnOnce for One<'_> {
         let (strength, from, hidden) =
             (&gathered.strength[..n], &gathered.from[..n], &gathered.hidden[..n]);
         let (surface, normal) = (&mut surface[..n], &mut normal[..n]);
-        let alpha2 = (lobe.alpha * lobe.alpha) as f32;
+        let alpha2 = (lobe.shape.alpha * lobe.shape.alpha) as f32;
         for i in 0..n {
             let sun = [x[i], y[i], z[i], strength[i], from[i], hidden[i]];
-            let value = lobe.value(sun, [0.0; 3], alpha2, out, 0);
+            let value = lobe.shape.value(sun, [0.0; 3], alpha2, out, 0);
             surface[i] += out.surface[0] * value;
             normal[i] += out.normal[0] * value;
         }
@@ -315,8 +219,8 @@ impl pulp::NullaryFnOnce for Eight<'_> {
         let empty = [0.0; POINTS];
         let mut outs =
             Outs { x, y, z, scale: empty, ground: empty, hidden: empty, surface, normal };
-        lobe.prepare(&mut outs);
-        let alpha2 = (lobe.alpha * lobe.alpha) as f32;
+        lobe.shape.prepare(&mut outs);
+        let alpha2 = (lobe.shape.alpha * lobe.shape.alpha) as f32;
         for (k, &i) in list.iter().enumerate() {
             let i = i as usize;
             let across = suns.across[i];
@@ -334,28 +238,20 @@ impl pulp::NullaryFnOnce for Eight<'_> {
                 if place.chord > 0.0 {
                     let up = ([across[3], across[4], across[5]], place.chord);
                     for (p, sum) in sums.iter_mut().enumerate() {
-                        *sum += place.share * lobe.chord(sun, up, lobe.alpha as f32, &outs, p);
+                        *sum +=
+                            place.share * lobe.chord(sun, up, lobe.shape.alpha as f32, &outs, p);
                     }
                     continue;
                 }
                 let second = [place.second[0], place.second[1], suns.steep[i]];
                 for (p, sum) in sums.iter_mut().enumerate() {
-                    *sum += place.share * lobe.value(sun, second, alpha2, &outs, p);
+                    *sum += place.share * lobe.shape.value(sun, second, alpha2, &outs, p);
                 }
             }
             into.surface[k] = dot(&sums, &outs.surface);
             into.normal[k] = dot(&sums, &outs.normal);
         }
     }
-}
-
-#[inline(always)]
-fn horner(of: &[f32; TERMS], x: f32) -> f32 {
-    let mut sum = of[TERMS - 1];
-    for k in (0..TERMS - 1).rev() {
-        sum = sum * x + of[k];
-    }
-    sum
 }
 
 #[inline(always)]
@@ -366,39 +262,4 @@ fn dot(a: &[f32; POINTS], b: &[f32; POINTS]) -> f32 {
     }
     let [a, b, c, d, e, f, g, h] = products;
     ((a + e) + (c + g)) + ((b + f) + (d + h))
-}
-
-/// A polynomial of `2 x - 1` through a function of 0..1 at Chebyshev's nodes, and its largest
-/// relative error.
-fn polynomial(of: &dyn Fn(f64) -> f64) -> ([f32; TERMS], f64) {
-    let n = TERMS as f64;
-    let node = |k: usize| libm::cos(PI * (k as f64 + 0.5) / n);
-    let values: Vec<f64> = (0..TERMS).map(|k| of(0.5 * (node(k) + 1.0))).collect();
-    // T_j as polynomials, one after the other.
-    let mut before = [0.0; TERMS];
-    let mut now = [0.0; TERMS];
-    (before[0], now[1]) = (1.0, 1.0);
-    let mut sum = [0.0; TERMS];
-    for j in 0..TERMS {
-        let angle = |k: usize| libm::cos(PI * j as f64 * (k as f64 + 0.5) / n);
-        let c = values.iter().enumerate().map(|(k, v)| v * angle(k)).sum::<f64>() * 2.0 / n;
-        let c = if j == 0 { 0.5 * c } else { c };
-        for (s, t) in sum.iter_mut().zip(before) {
-            *s += c * t;
-        }
-        let mut next = [0.0; TERMS];
-        for k in 0..TERMS {
-            next[k] = if k > 0 { 2.0 * now[k - 1] } else { 0.0 } - before[k];
-        }
-        (before, now) = (now, next);
-    }
-    let out = sum.map(|s| s as f32);
-    let mut fit = 0.0_f64;
-    for i in 0..=1000 {
-        let x = f64::from(i) / 1000.0;
-        let y = out.iter().rev().fold(0.0_f32, |y, c| y * (2.0 * x as f32 - 1.0) + c);
-        let expected = of(x);
-        fit = fit.max((f64::from(y) - expected).abs() / expected.max(1e-3));
-    }
-    (out, fit)
 }

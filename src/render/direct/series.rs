@@ -79,7 +79,8 @@ pub fn direct_series(
     let pixels: u64 = todo.iter().map(|tile| tile.pixels() as u64).sum();
     progress.begin("direct integration", pixels, "pixels");
     let tiles = Tiles::new(direct, hits);
-    todo.par_iter().try_for_each_init(Buffers::default, |buffers, &tile| {
+    // Tiles take from nothing to minutes: each may go to another thread.
+    todo.par_iter().with_max_len(1).try_for_each_init(Buffers::default, |buffers, &tile| {
         let quantities = [Some(sinks.series.0), sinks.other.map(|(quantity, _)| quantity)];
         let (summary, sums) = tiles.integrate(tile, &tiles.all(), quantities, buffers, progress)?;
         let [entries, others] = &buffers.entries;

@@ -103,6 +103,12 @@ impl PvSight {
         let alike = site.months_alike();
         let suns: Vec<Suns> = facets.iter().map(|f| Suns::of(f, timeline, &alike)).collect();
         let cell_m = cell_m(&facets, &suns);
+        if cell_m > CELL_M {
+            progress.say(&format!(
+                "{} suns: the PV is asked what it sees of them every {cell_m} m instead of every {CELL_M} m, so that the answers fit; the bound of the error counts that",
+                timeline.steps.len()
+            ));
+        }
         let mut roots: Vec<Rooted> = Vec::new();
         for (number, facet) in facets.iter().enumerate() {
             let count = suns[number].len();

@@ -1,8 +1,10 @@
 use std::f64::consts::PI;
+use std::sync::Arc;
 
 use glam::DVec3;
 
 use super::patches::{EyePv, LitPv, Patch, Root, Seen};
+use super::shine::{Shine, Waiting};
 use crate::base::Frame;
 use crate::site::bsdf::{Bsdf, Term, on_circle};
 
@@ -31,9 +33,10 @@ pub struct SunAt {
 }
 
 /// How a PV surface scatters, with the width of its lobe.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Debug)]
 pub struct EyeMaterial<'a> {
     bsdf: &'a Bsdf,
+    terms: Arc<[Shine<'a>]>,
     /// Half-width of the lobe as tilts of its half vectors, rad; infinite where there is none.
     width: f64,
     /// How fast all that isn't mirrored changes with the tilt of half vectors.
@@ -58,8 +61,14 @@ const WIDEST: f64 = 0.1;
 /// farther off it hardly matters which part it is.
 const NEAR_WIDTHS: f64 = 4.0;
 /// Radius of the sun's disc beside the length over which the lobe changes: up to the first its
-/// middle stands for it (to 5e-3), up to the second four points (to 1e-3), beyond it all.
-const DISC_RATIOS: [f64; 2] = [0.05, 0.25];
+/// middle stands for it (of facets with its second order, to 1e-3, of files to 5e-3), up to the second
+/// four points (to 1e-3), beyond it all.
+const FACETS_RATIOS: [f64; 2] = [0.14, 0.25];
+const FILE_RATIOS: [f64; 2] = [0.05, 0.25];
+/// A sun so many radii over the PV is seen by facets alike; below, as files are looked at.
+const LOW_RADII: f64 = 20.0;
+/// Ways in which the disc is looked at.
+const WAYS: usize = 3;
 /// Fresnel's reflectance changes its logarithm by up to that with a radian of tilt; with
 /// what hides facets from one another, towards grazing angles, by up to the second.
 const STEADY_PER_RAD: [f64; 2] = [6.0, 20.0];
@@ -91,7 +100,7 @@ impl<'a> EyeMaterial<'a> {
         };
         let (Falls::File(rough) | Falls::Facets(rough)) = falls;
         let width = if bsdf.has_delta() { 0.0 } else { rough };
-        Self { bsdf, width, falls }
+        Self { bsdf, terms: Shine::terms(bsdf).into(), width, falls }
     }
 
     /// How many times brighter all that isn't mirrored may get, beside the sun's strength, while
@@ -127,49 +136,69 @@ impl<'a> EyeMaterial<'a> {
         self.bsdf
     }
 
-    /// Radiance of a point of PV that the sun lights, W/m2/sr; directions in the PV's frame.
+    /// Radiance of a point of PV that the sun lights, W/m2/sr: the sun's disc is integrated where the
+    /// lobe is narrow, and mirrored where the material mirrors. Directions in the PV's frame.
     pub fn shine(&self, sun: &SunAt, to_sun: DVec3, out: DVec3) -> f64 {
-        let half = (to_sun + out).normalize_or_zero();
-        self.radiance(sun, to_sun, out, (half.x * half.x + half.y * half.y).sqrt())
+        let half = to_sun + out;
+        let across = libm::hypot(half.x, half.y) / half.length().max(1e-12);
+        let mut waiting = Waiting::default();
+        let dark = Glint { towards: out, solid_angle_sr: 0.0, radiance_w_m2_sr: 0.0, surface: 0 };
+        waiting.push(dark, out);
+        let mut glints = Vec::new();
+        let way = self.way(sun, to_sun, half.length(), across);
+        self.light(sun, to_sun, (way, &mut waiting), &mut glints);
+        glints.first().map_or(0.0, |glint| glint.radiance_w_m2_sr)
     }
 
-    /// Radiance of a point of PV, W/m2/sr: the sun's disc is integrated where the lobe is narrow,
-    /// and mirrored where the material mirrors. Directions in the PV's frame; `tilt`: of the half
-    /// vector.
-    pub(super) fn radiance(&self, sun: &SunAt, to_sun: DVec3, out: DVec3, tilt: f64) -> f64 {
-        let one = |s: DVec3| self.bsdf.evaluate(s, out) * s.z.max(0.0);
+    /// In which way the sun's disc is looked at from a patch: by the length of the sum of both
+    /// directions and the tilt of the half vector.
+    fn way(&self, sun: &SunAt, to_sun: DVec3, length: f64, tilt: f64) -> usize {
+        let high = to_sun.z > LOW_RADII * sun.radius_rad();
+        let (width, [point, few]) = match self.falls {
+            Falls::Facets(width) if high => (width, FACETS_RATIOS),
+            Falls::Facets(width) | Falls::File(width) => (width, FILE_RATIOS),
+        };
+        let ratio = sun.radius_rad() / (length.max(0.2) * (width * width + tilt * tilt).sqrt());
+        usize::from(ratio >= point) + usize::from(ratio >= few)
+    }
+
+    /// Radiances of the patches that wait for one way of looking at the sun's disc.
+    fn light(
+        &self,
+        sun: &SunAt,
+        to_sun: DVec3,
+        (way, waiting): (usize, &mut Waiting),
+        into: &mut Vec<Glint>,
+    ) {
         let radius = sun.radius_rad();
-        let (Falls::Facets(width) | Falls::File(width)) = self.falls;
-        let length = (to_sun + out).length().max(0.2);
-        let ratio = radius / (length * (width * width + tilt * tilt).sqrt());
-        let [point, few] = DISC_RATIOS;
-        let around = |sum: f64, r: f64, from: f64, count: usize, frame: &Frame| {
-            (0..count).fold(sum, |sum, i| {
+        let frame = Frame::around(to_sun);
+        let around = |r: f64, from: f64, count: usize| {
+            (0..count).map(move |i| {
                 let (x, y) = on_circle((i as f64 + from) / count as f64);
-                sum + one((frame.z + frame.x * (r * x) + frame.y * (r * y)).normalize())
+                (frame.z + frame.x * (r * x) + frame.y * (r * y)).normalize()
             })
         };
-        let rough = if ratio < point {
-            one(to_sun)
-        } else if ratio < few {
-            let r = radius * std::f64::consts::FRAC_1_SQRT_2;
-            around(0.0, r, 0.0, 4, &Frame::around(to_sun)) / 4.0
-        } else {
-            let frame = Frame::around(to_sun);
-            let mut sum = 0.0;
-            for ring in 0..RINGS {
-                let r = radius * ((ring as f64 + 0.5) / RINGS as f64).sqrt();
-                sum = around(sum, r, 0.5 * (ring % 2) as f64, AROUND, &frame);
+        let places: Vec<DVec3> = match way {
+            0 => vec![to_sun],
+            1 => around(radius * std::f64::consts::FRAC_1_SQRT_2, 0.0, 4).collect(),
+            _ => (0..RINGS)
+                .flat_map(|ring| {
+                    let r = radius * ((ring as f64 + 0.5) / RINGS as f64).sqrt();
+                    around(r, 0.5 * (ring % 2) as f64, AROUND)
+                })
+                .collect(),
+        };
+        // The mean square to each side is a quarter of the radius squared.
+        let second = if way == 0 { radius * radius / 8.0 } else { 0.0 };
+        let delta = self.bsdf.has_delta().then(|| self.bsdf.mirrored(to_sun));
+        let edge = libm::cos(radius);
+        let mirrored = |out: DVec3| match delta {
+            Some(share) if DVec3::new(-out.x, -out.y, out.z).dot(to_sun) > edge => {
+                share / sun.solid_angle_sr()
             }
-            sum / (RINGS * AROUND) as f64
+            _ => 0.0,
         };
-        let mirrored = DVec3::new(-out.x, -out.y, out.z);
-        let delta = if mirrored.dot(to_sun) > libm::cos(radius) {
-            self.bsdf.mirrored(to_sun) / sun.solid_angle_sr()
-        } else {
-            0.0
-        };
-        sun.irradiance_w_m2 * (rough + delta)
+        waiting.light(&self.terms, sun, (&places, second), &mirrored, into);
     }
 }
 
@@ -208,6 +237,7 @@ impl EyePv<'_> {
         into: &mut Vec<Glint>,
     ) {
         into.clear();
+        let mut waiting: [Waiting; WAYS] = Default::default();
         for root in &self.roots {
             let facet = &self.facets[root.facet];
             let to_sun = facet.frame.local_from_world(sun.direction);
@@ -217,13 +247,16 @@ impl EyePv<'_> {
             }
             let (frame, surface) = (facet.frame, facet.surface);
             let looking = Looking { seen, lit, sun, material, root, frame, to_sun, surface };
-            looking.descend(&root.whole, into);
+            looking.descend(&root.whole, &mut waiting);
+            for (way, waiting) in waiting.iter_mut().enumerate().filter(|(_, w)| !w.is_empty()) {
+                material.light(sun, to_sun, (way, waiting), into);
+            }
         }
     }
 }
 
 impl Looking<'_> {
-    fn descend(&self, patch: &Patch, into: &mut Vec<Glint>) {
+    fn descend(&self, patch: &Patch, into: &mut [Waiting; WAYS]) {
         let range = self.root.range(patch);
         let cells = range.len() as f64;
         let shares = self.seen.shares[range.clone()].iter().zip(&self.lit.shares[range]);
@@ -254,14 +287,12 @@ impl Looking<'_> {
             }
             return;
         }
-        let radiance_w_m2_sr = self.material.radiance(self.sun, self.to_sun, out, across);
-        if radiance_w_m2_sr > 0.0 {
-            into.push(Glint {
-                towards: -way / away_m,
-                solid_angle_sr: share * patch.solid_angle_sr(eye),
-                radiance_w_m2_sr,
-                surface: self.surface,
-            });
-        }
+        let glint = Glint {
+            towards: -way / away_m,
+            solid_angle_sr: share * patch.solid_angle_sr(eye),
+            radiance_w_m2_sr: 0.0,
+            surface: self.surface,
+        };
+        into[self.material.way(self.sun, self.to_sun, length, across)].push(glint, out);
     }
 }

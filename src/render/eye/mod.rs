@@ -11,6 +11,7 @@ mod glints;
 pub mod hazard;
 mod instant;
 mod patches;
+mod shine;
 mod sweep;
 #[cfg(test)]
 mod tests;

@@ -4,9 +4,9 @@ use glam::{DVec3, Vec3};
 
 use super::hazard::{HazardZone, zone};
 use super::{Eye, EyeInstant, EyeMaterial, EyePv, Glint, SunAt, SweepLimits, Sweeper};
-use crate::base::{Silent, SpectralBasis, Timeline, Timestep};
+use crate::base::{Frame, Purpose, Silent, SpectralBasis, Stream, Timeline, Timestep};
 use crate::render::{Direct, DirectScene, DirectScratch, DirectYear, PvSight};
-use crate::site::bsdf::{Bsdf, Model, Part};
+use crate::site::bsdf::{Bsdf, Model, PRESETS, Part, on_circle, on_hemisphere};
 use crate::site::{Face, Material, Object, PvSurface, Site, Triangle};
 
 /// A level PV square of `2 half_m`, and quads.
@@ -110,6 +110,50 @@ fn a_mirror_shows_the_sun() {
     assert_eq!(worst, HazardZone::AfterImage);
     let (none, _) = look(&site, &mirror, &super::tests::sun(6.0, 0.0));
     assert!(none.is_empty());
+}
+
+/// Radiances of many patches at once against the scattering function itself, over a fine raster of
+/// the sun's disc.
+#[test]
+fn a_patch_is_as_bright_as_the_material_says() {
+    let mut random = Stream::new(4, Purpose::Survey, 0);
+    for preset in PRESETS {
+        let bsdf = Bsdf::from_model(&preset.model()).expect("valid");
+        let material = EyeMaterial::new(&bsdf);
+        for i in 0..60 {
+            let to_sun = on_hemisphere(random.uniform(), 0.02 + 0.96 * random.uniform());
+            let sun = SunAt { direction: to_sun, irradiance_w_m2: DNI, diameter_deg: 0.533 };
+            // From the mirrored direction to far off; the disc's rim doesn't cross a delta lobe.
+            let off = 0.7 * (f64::from(i) / 59.0).powi(2);
+            let off = if bsdf.has_delta() { off + 0.01 } else { off };
+            let (x, y) = on_circle(random.uniform());
+            let frame = Frame::around(DVec3::new(-to_sun.x, -to_sun.y, to_sun.z));
+            let out = (frame.z + (frame.x * x + frame.y * y) * off).normalize();
+            if out.z <= 0.01 {
+                continue;
+            }
+            let disc = Frame::around(to_sun);
+            let (mut sum, mut count) = (0.0, 0.0);
+            for a in 0..40 {
+                for b in 0..40 {
+                    let at = |k: i32| (f64::from(k) + 0.5) / 20.0 - 1.0;
+                    if at(a) * at(a) + at(b) * at(b) <= 1.0 {
+                        let r = sun.radius_rad();
+                        let s = (disc.z + disc.x * (r * at(a)) + disc.y * (r * at(b))).normalize();
+                        sum += bsdf.evaluate(s, out) * s.z.max(0.0);
+                        count += 1.0;
+                    }
+                }
+            }
+            let expected = DNI * sum / count;
+            let found = material.shine(&sun, to_sun, out);
+            let miss = (found / expected - 1.0).abs();
+            let sun = format!("sun {:.3}, out {:.3} over the PV", to_sun.z, out.z);
+            // Where light grazes, the lobe is narrower than the places on the disc lie apart.
+            let allowed = if to_sun.z.min(out.z) > 0.1 { 3e-3 } else { 0.03 };
+            assert!(miss < allowed, "{}, {off:.4} off, {sun}: {found} {expected}", preset.name);
+        }
+    }
 }
 
 /// Two ways to the same number: glints summed here, cells integrated in `direct`.

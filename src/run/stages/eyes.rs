@@ -47,7 +47,7 @@ pub(in crate::run) fn eyes(job: &mut Job<'_>) -> Result<(), Error> {
         .iter()
         .map(|c| {
             let each: Vec<_> = c.bsdfs.iter().map(EyeMaterial::new).collect();
-            site.pv.iter().map(|s| each[s.entry]).collect()
+            site.pv.iter().map(|s| each[s.entry].clone()).collect()
         })
         .collect();
     let [sigma, ..] = resolved.project.glare.sigma;

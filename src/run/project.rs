@@ -11,7 +11,9 @@ use serde::{Deserialize, Serialize};
 use crate::site::{PvArray, Select};
 
 pub use read::read;
-pub use seen::{Ids, MomentTable, ObserverTable, RegionTable, SeasonTable, ViewTable};
+pub use seen::{
+    Ids, MomentTable, ObserverTable, ReceiversTable, RegionTable, SeasonTable, ViewTable,
+};
 
 /// `project.toml`, key by key. See the example projects under `fixtures/projects`.
 #[derive(Clone, Debug, Deserialize, Serialize)]
@@ -46,6 +48,9 @@ pub struct Project {
     /// Façades, roads, plots.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub region: Vec<RegionTable>,
+    /// How observers and regions are computed; as the first picture if left out.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub receivers: Option<ReceiversTable>,
     /// Crowns that let light through in some months.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub season: Vec<SeasonTable>,

@@ -242,9 +242,11 @@ impl Resolved {
         self.needs_photons() && self.trace.stored < DRAFT_BELOW_PHOTONS
     }
 
-    /// Whether any view is made of photons.
+    /// Whether any view, sensor, observer or region is made of photons; without any of them photons
+    /// are all there is.
     pub fn needs_photons(&self) -> bool {
-        self.views.is_empty() || self.with_sensors().any(|v| !v.direct)
+        let mut all = self.with_sensors();
+        all.next().is_none_or(|first| !first.direct || all.any(|v| !v.direct))
     }
 
     /// Number of thresholds that glare is analysed at.

@@ -77,6 +77,52 @@ fn receivers_are_told_of_and_never_silently_dark() {
     assert!(!run.join("standard/plan/glare-10/unfiltered/month_05_h.png").exists());
 }
 
+/// Observers and regions integrated, without a photon: as the first picture is, or where the project
+/// says so; and what photons say of them.
+#[test]
+fn receivers_are_integrated_where_the_project_says_so() {
+    let run = |change: &dyn Fn(String) -> String, stored: &str| {
+        let (keep, folder) = project("tiny");
+        let file = folder.join("project.toml");
+        let before = fs::read_to_string(&file).expect("reads");
+        fs::write(&file, change(before)).expect("writes");
+        let stored = format!("photons.stored={stored}");
+        succeed(&["run", text(&folder), "--quiet", "--until", "report", "--set", &stored]);
+        (keep, folder.join("run/standard"))
+    };
+    let (_a, alone) =
+        run(&|p| p.replace("estimator = \"photons\"", "estimator = \"direct\""), "4000");
+    assert!(!alone.join("photons.gmp").exists() && !alone.join("receivers/air.gmp").exists());
+    let (_b, beside) = run(&|p| p + "\n[receivers]\nestimator = \"direct\"\n", "4000");
+    assert!(beside.join("photons.gmp").exists());
+    let sheet = |run: &Path| fs::read_to_string(run.join("receivers/sensors.csv")).expect("reads");
+    assert_eq!(sheet(&alone), sheet(&beside));
+
+    let (_c, counted) = run(&|p| p, "400000");
+    let groups = |run: &Path| json(&run.join("receivers/receivers.json"))["groups"].clone();
+    let (exact, photons) = (groups(&alone), groups(&counted));
+    for (at, allowed) in [(0, 0.15), (1, 0.2), (2, 0.05), (3, 0.05)] {
+        let mean = |of: &Value| of[at]["annual_mean_wh_m2"].as_f64().expect("Wh/m2");
+        let (exact, photons) = (mean(&exact), mean(&photons));
+        println!(
+            "{}: {exact} by integration, {photons} Wh/m2 by photons",
+            groups(&alone)[at]["name"]
+        );
+        assert!(exact > 0.0 && (photons / exact - 1.0).abs() < allowed, "{photons} {exact}");
+    }
+    // Without noise there is no band.
+    let ten = &exact[2]["thresholds"][0]["hours"];
+    assert_eq!((&ten["low"], &ten["high"]), (&ten["value"], &ten["value"]), "{ten}");
+
+    let (_keep, folder) = project("tiny");
+    let file = folder.join("project.toml");
+    let before = fs::read_to_string(&file).expect("reads");
+    fs::write(&file, before + "\n[receivers]\nestimator = \"radiance\"\n").expect("writes");
+    let said = say(&["check", text(&folder)]);
+    assert_eq!(said.code, 2);
+    assert!(said.err.contains("expected \"photons\" or \"direct\""), "{}", said.err);
+}
+
 /// `between_h` of each observer, against the clock times in its table.
 fn clocks_of_eyes_are_civil(run: &Path) {
     let eyes = json(&run.join("standard/receivers/observers.json"));

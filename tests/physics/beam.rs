@@ -5,14 +5,14 @@ use std::collections::BTreeMap;
 use std::sync::Mutex;
 
 use glam::{DVec3, Vec3};
-use glintmap::base::{
-    Grid, SeriesEntry, Silent, SinkError, SpectralBasis, TileRect, TileSink, Timeline, Timestep,
-};
+use glintmap::base::{Grid, SeriesEntry, Silent, SinkError, TileRect, TileSink, Timeline};
 use glintmap::pages::{self, About, Access, OpenOptions, Spill, Store};
 use glintmap::render::{self, Gather, Hit, HitKind, HitMap, Quantity};
 use glintmap::site::bsdf::{Bsdf, Model};
 use glintmap::site::{Face, Material, Object, PvSurface, Site, Triangle};
 use glintmap::trace::{self, Emission, Receivers, Settings};
+
+use super::trace::{sun, timeline};
 
 const BANDWIDTH: usize = 4000;
 const SUN_RADIUS_DEG: f64 = 0.2665;
@@ -55,26 +55,14 @@ fn site() -> Site {
     )
 }
 
-fn timeline() -> Timeline {
-    let steps = SUNS.iter().enumerate().map(|(i, &(azimuth, elevation, irradiance_w_m2))| {
-        let (a, e) = (azimuth.to_radians(), elevation.to_radians());
-        Timestep {
-            day: 0,
-            hour: i as f64,
-            sun: DVec3::new(libm::sin(a) * libm::cos(e), libm::cos(a) * libm::cos(e), libm::sin(e)),
-            irradiance_w_m2,
-            weight_h: 0.25 + i as f64,
-            segment: 0,
-        }
-    });
-    Timeline {
-        steps: steps.collect(),
-        step_h: 1.0,
-        year: 2025,
-        half_year: false,
-        sun_diameter_deg: 2.0 * SUN_RADIUS_DEG,
-        basis: SpectralBasis::Broadband,
+fn suns() -> Timeline {
+    let suns = SUNS
+        .map(|(azimuth, elevation, irradiance_w_m2)| (sun(azimuth, elevation), irradiance_w_m2));
+    let mut out = timeline(&suns);
+    for (i, step) in out.steps.iter_mut().enumerate() {
+        step.weight_h = 0.25 + i as f64;
     }
+    Timeline { sun_diameter_deg: 2.0 * SUN_RADIUS_DEG, ..out }
 }
 
 /// Fresnel's equations for unpolarised light, written down once more.
@@ -153,7 +141,7 @@ fn store(site: &Site, timeline: &Timeline, model: Model, folder: &std::path::Pat
 
 #[test]
 fn a_spot_inside_the_mirrored_beam_gets_dni_times_fresnel_times_cosine() {
-    let (site, timeline) = (site(), timeline());
+    let (site, timeline) = (site(), suns());
     // Along the wall, far from the border of every beam: discs of some 0.5 m.
     let spots: Vec<Vec3> = (0..5).map(|i| Vec3::new(10.5, -2.4 + 1.2 * i as f32, 1.3)).collect();
     let hit = |position: &Vec3| Hit {

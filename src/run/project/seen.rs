@@ -106,6 +106,14 @@ pub struct RegionTable {
     pub class: Option<Class>,
 }
 
+/// `[receivers]`: how observers and regions are computed.
+#[derive(Clone, Debug, Deserialize, Serialize)]
+#[serde(deny_unknown_fields)]
+pub struct ReceiversTable {
+    /// `"photons"` or `"direct"`.
+    pub estimator: String,
+}
+
 /// `[[season]]`
 #[derive(Clone, Debug, Deserialize, Serialize)]
 #[serde(deny_unknown_fields)]

@@ -48,9 +48,22 @@ impl Reader<'_> {
             series_bandwidth,
             series_edges,
             points: Some(Points::Receivers),
-            direct: false,
+            direct: self.receivers_are_direct()?,
         });
         Ok(out)
+    }
+
+    /// Whether observers and regions are integrated; as the first picture where nothing is said.
+    fn receivers_are_direct(&self) -> Result<bool, Error> {
+        let p = self.project;
+        let said = p.receivers.as_ref().map(|t| t.estimator.as_str());
+        match said.or(p.view.first().map(|t| t.estimator.as_str())) {
+            Some("direct") => Ok(true),
+            Some(other) if said.is_some() && other != "photons" => Err(self.wrong(format!(
+                "receivers.estimator: expected \"photons\" or \"direct\", found \"{other}\""
+            ))),
+            _ => Ok(false),
+        }
     }
 
     /// What stands in the place of a view where points have none.

@@ -15,7 +15,7 @@ use crate::report::{Document, Figure, Section, Table, html};
 use crate::run::Error;
 use crate::run::job::{Job, Stage};
 use crate::run::manifest::key_of;
-use crate::run::resolve::{Candidate, PlannedMoment, PlannedView, Resolved};
+use crate::run::resolve::{Candidate, PlannedMoment, PlannedView, RECEIVERS, Resolved};
 
 /// Events that the report lists for a material, view and threshold.
 const EVENTS: usize = 5;
@@ -149,9 +149,10 @@ fn numbers(job: &Job<'_>, view: &PlannedView) -> Result<Section, Error> {
     }
     let mut section = Section {
         heading: format!("Numbers in the view “{}”", view.name),
-        text: vec![
-            "The largest value of any pixel. Durations come from the irradiance smoothed in space and time, as in the published method; a pixel with few photons can stand out.".into(),
-        ],
+        text: vec![format!(
+            "The largest value of any pixel. Durations come from the irradiance smoothed in space and time, as in the published method{}.",
+            if view.direct { "" } else { "; a pixel with few photons can stand out" }
+        )],
         tables: vec![table],
         ..Section::default()
     };
@@ -325,14 +326,27 @@ fn limits_of_it(job: &Job<'_>) -> Section {
             "Time above a threshold counts the irradiance {}, from the PV alone. Irradiance on a surface is less than what an eye receives that looks towards the PV: a low beam puts only part of itself onto the ground. annual.exr holds both.",
             super::render::quantity_words(resolved.quantity)
         ),
-        "The noise of a value is that of its photons: all irradiances two standard errors lower, and two higher. It doesn't hold what the model leaves out.".into(),
-        "Rules are judged at the point of an observer or region where each value is largest, unfiltered unless the rule asks for the filter; there it runs over time alone. In free air photons are counted where they cross a disc of 0.1 m radius or less, in a run of their own.".into(),
+        "Rules are judged at the point of an observer or region where each value is largest, unfiltered unless the rule asks for the filter; there it runs over time alone.".into(),
         format!(
             "What eyes see (luminance, hazard, veil) is integrated over the PV's cells of half a metre, without photons and without a limit of distance; only what lies before the eye counts. A watt is taken for {} lm. The hazard is that of Ho, Ghanbari and Diver (2011), of the part of the PV that is worst; the veil that of CIE 146:2002 at {} years of age, for a line of sight along the observer's direction (to the middle of the PV where it has none). Mirror images of the sun are some 10 million to a billion cd/m²: above every limit of luminance.",
             job.timeline().map_or(0.0, |t| t.basis.lm_per_w()),
             crate::render::eye::hazard::AGE_YEARS,
         ),
     ];
+    if resolved.needs_photons() {
+        text.push("The noise of a value is that of its photons: all irradiances two standard errors lower, and two higher. It doesn't hold what the model leaves out. In free air photons are counted where they cross a disc of 0.1 m radius or less, in a run of their own.".into());
+    }
+    let name = |v: &PlannedView| match v.name == RECEIVERS {
+        true => "the observers and regions".to_owned(),
+        false => format!("the view “{}”", v.name),
+    };
+    let direct: Vec<String> = resolved.with_sensors().filter(|v| v.direct).map(name).collect();
+    if !direct.is_empty() {
+        text.push(format!(
+            "Integrated over the PV without photons, so without noise: {}. How far that may be off stands in their annual.exr, error.wh_m2.",
+            direct.join(", ")
+        ));
+    }
     if matches!(job.timeline().map(|t| t.basis), Ok(SpectralBasis::Visible)) {
         text.push("Irradiances are visible watts of Radiance's gensky, about half of the full spectrum: held against thresholds that mean the full one, they come out too low.".into());
     }

@@ -245,6 +245,16 @@ name = "panorama"     # from above the PV; south in the centre, west to the righ
 view = "-vtc -vp {x} {y} {eye} -vd 0 -1 0 -vu 0 0 1 -vh 360 -vv 76 -vo {fore}"
 size = [2000, 500]
 
+# Who is concerned: points and façades, told of one by one in the report.
+# [[observer]]
+# name = "Bedroom window"
+# point = [20.0, 5.0, 6.5]        # metres from the local origin
+# direction = [-1.0, 0.0, 0.0]    # where it looks; left out: to the PV
+# class = "dwelling"
+#
+# [receivers]
+# estimator = "direct"            # integrated, without noise; left out: as the first view
+
 [glare]
 thresholds_w_m2 = [10.0, 30.0]
 rules = ["paper-2018"]

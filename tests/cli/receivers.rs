@@ -113,6 +113,12 @@ fn receivers_are_integrated_where_the_project_says_so() {
     // Without noise there is no band.
     let ten = &exact[2]["thresholds"][0]["hours"];
     assert_eq!((&ten["low"], &ten["high"]), (&ten["value"], &ten["value"]), "{ten}");
+    let verdicts = json(&alone.parent().expect("run").join("verdicts.json"));
+    let limits = verdicts.as_array().expect("a list").iter().filter(|v| v["receiver"].is_string());
+    let limits: Vec<&Value> =
+        limits.flat_map(|v| v["verdict"]["limits"].as_array().expect("limits")).collect();
+    assert!(limits.iter().any(|l| l["band"][0].as_f64() > Some(0.0)));
+    assert!(limits.iter().all(|l| l["band"][0] == l["band"][1]), "{verdicts}");
 
     let (_keep, folder) = project("tiny");
     let file = folder.join("project.toml");

@@ -158,13 +158,20 @@ fn times(at: &AtThreshold, threshold_w_m2: Option<f64>, half_year: bool) -> Vec<
         value: v.value * factor,
         band: Some([v.low * factor, v.high * factor]),
     };
-    // The filter makes noise smaller: the band of the unfiltered value holds that of the filtered.
-    let filtered = |quantity, value: f64, around: Banded, factor: f64| Measured {
-        quantity,
-        threshold_w_m2,
-        filtered: true,
-        value: value * factor,
-        band: Some([around.low.min(value) * factor, around.high.max(value) * factor]),
+    // The filter makes noise smaller: the band of the unfiltered value, if it has one, holds that of
+    // the filtered.
+    let filtered = |quantity, value: f64, around: Banded, factor: f64| {
+        let [low, high] = match around.low < around.high {
+            true => [around.low.min(value), around.high.max(value)],
+            false => [value; 2],
+        };
+        Measured {
+            quantity,
+            threshold_w_m2,
+            filtered: true,
+            value: value * factor,
+            band: Some([low * factor, high * factor]),
+        }
     };
     let mut out = vec![
         banded(Quantity::AnnualH, at.hours, 1.0),

@@ -119,7 +119,7 @@ pub fn html(document: &Document) -> String {
                 h1 { (document.title) }
                 p class="subtitle" { (document.subtitle) }
                 @if document.draft {
-                    p class="draft" { "Draft, not for assessment: too few photons for durations." }
+                    p class="draft" { "Draft, not for assessment: too few photons for durations (what is integrated has none, and is not concerned)." }
                 }
                 @for section in &document.sections { (part(section, 2)) }
                 footer { (document.provenance) }

@@ -237,9 +237,14 @@ impl Resolved {
         self.folder.join("run")
     }
 
-    /// Whether verdicts and pictures are marked as a draft.
+    /// Whether the run is marked as a draft.
     pub fn is_draft(&self) -> bool {
         self.needs_photons() && self.trace.stored < DRAFT_BELOW_PHOTONS
+    }
+
+    /// Whether pictures of a view, or charts of a set of points, are marked as a draft.
+    pub fn is_draft_of(&self, view: &PlannedView) -> bool {
+        self.is_draft() && !view.direct
     }
 
     /// Whether any view, sensor, observer or region is made of photons; without any of them photons

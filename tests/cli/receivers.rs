@@ -4,6 +4,7 @@ use std::fs;
 use std::path::Path;
 
 use glintmap::glare::{Lengths, margins, spot};
+use glintmap::picture::png;
 use glintmap::render::HitMap;
 use glintmap::volume::Volume;
 use glintmap_formats::npy;
@@ -97,6 +98,9 @@ fn receivers_are_integrated_where_the_project_says_so() {
     assert!(beside.join("photons.gmp").exists());
     let sheet = |run: &Path| fs::read_to_string(run.join("receivers/sensors.csv")).expect("reads");
     assert_eq!(sheet(&alone), sheet(&beside));
+    // The few photons beside make a draft, but not of these.
+    let chart = |run: &Path| png::read(&run.join("receivers/occurrence/03-the-wall.png"));
+    assert!(chart(&alone).expect("a chart") == chart(&beside).expect("a chart"));
 
     let (_c, counted) = run(&|p| p, "400000");
     let groups = |run: &Path| json(&run.join("receivers/receivers.json"))["groups"].clone();

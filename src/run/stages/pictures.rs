@@ -341,7 +341,7 @@ fn draw(
             .caption
             .insert(0, "Nothing in this view reaches the scale: the map is empty.".into());
     }
-    if job.resolved.is_draft() {
+    if job.resolved.is_draft_of(view) {
         figure.watermark = Some("draft, not for assessment".into());
     }
     marks.put_on(&mut figure);

@@ -59,7 +59,7 @@ fn one(
     let mut thresholds = job.resolved.project.glare.thresholds_w_m2.clone();
     thresholds.sort_by(f64::total_cmp);
     let texts = super::texts(job);
-    let mut chart = board.chart(&format!("{}: light from “{}”", group.name, candidate.name));
+    let mut chart = board.chart(set, &format!("{}: light from “{}”", group.name, candidate.name));
     board.by_strength(&mut chart, &lit, &thresholds);
     let png = name(".png");
     chart.write_png(&job.folder.at(&png), &texts)?;
@@ -69,7 +69,7 @@ fn one(
     let several = dazzling.iter().any(|l| l.surface != dazzling[0].surface);
     if several {
         let title = format!("{}: which PV of “{}” dazzles", group.name, candidate.name);
-        let mut chart = board.chart(&title);
+        let mut chart = board.chart(set, &title);
         board.by_surface(&mut chart, &dazzling, lowest);
         let png = name("-pv.png");
         chart.write_png(&job.folder.at(&png), &texts)?;
@@ -132,7 +132,7 @@ impl<'a> Board<'a> {
         Some(Cell { x: [day, day + self.days], y: [hour - half, hour + half], color })
     }
 
-    fn chart(&self, title: &str) -> Chart {
+    fn chart(&self, set: &PlannedView, title: &str) -> Chart {
         let p = &self.job.resolved.project;
         let steps = &self.timeline.steps;
         let cells: Vec<Cell> = (0..steps.len()).filter_map(|t| self.cell(t, DAYLIGHT)).collect();
@@ -162,7 +162,11 @@ impl<'a> Board<'a> {
             key: Vec::new(),
             lines: Vec::new(),
             caption,
-            watermark: self.job.resolved.is_draft().then(|| "draft, not for assessment".to_owned()),
+            watermark: self
+                .job
+                .resolved
+                .is_draft_of(set)
+                .then(|| "draft, not for assessment".to_owned()),
         }
     }
 

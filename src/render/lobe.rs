@@ -36,8 +36,6 @@ pub(super) struct Outs<const N: usize> {
     pub ground: [f32; N],
     /// `1 + Lambda`.
     pub hidden: [f32; N],
-    pub surface: [f32; N],
-    pub normal: [f32; N],
 }
 
 impl FacetLobe {
@@ -62,9 +60,10 @@ impl FacetLobe {
         horner(&self.reflectance, length2.sqrt() - 1.0)
     }
 
-    /// Fills in what depends on the directions alone.
+    /// Unit vectors, all above the surface, with what depends on them alone.
     #[inline(always)]
-    pub(super) fn prepare<const N: usize>(&self, outs: &mut Outs<N>) {
+    pub(super) fn outs<const N: usize>(&self, [x, y, z]: [[f32; N]; 3]) -> Outs<N> {
+        let mut outs = Outs { x, y, z, scale: [0.0; N], ground: [0.0; N], hidden: [0.0; N] };
         let alpha2 = (self.alpha * self.alpha) as f32;
         let scale = (self.share * self.alpha * self.alpha * 0.25 / PI) as f32;
         for k in 0..N {
@@ -77,6 +76,7 @@ impl FacetLobe {
             let [a, b] = [self.ground[below], self.ground[below + 1]];
             outs.ground[k] = a + (at - below as f32) * (b - a);
         }
+        outs
     }
 
     /// Radiance towards one direction, W/m2/sr. `second`: halves of the mean

@@ -213,9 +213,9 @@ impl Reader<'_> {
             };
             AtThreshold {
                 threshold_w_m2: *threshold,
-                hours: exactly(best(&|g| g.hours)),
-                longest_run_h: exactly(best(&|g| g.longest_run_h)),
-                longest_day_h: exactly(day.0),
+                hours: Banded::exactly(best(&|g| g.hours)),
+                longest_run_h: Banded::exactly(best(&|g| g.longest_run_h)),
+                longest_day_h: Banded::exactly(day.0),
                 longest_day: day.1,
                 months: known().map(|(_, p)| p.glare[k].months()).max().unwrap_or(0),
                 filtered_hours: filtered(0),
@@ -369,10 +369,6 @@ impl Reader<'_> {
         let dazzles = |t: usize, by: f64| self.counts[t] && moved(t, by) > threshold;
         Ok([-BAND, BAND].map(|by| spot(self.civil, &self.lengths, |t| dazzles(t, by))))
     }
-}
-
-fn exactly(value: f64) -> Banded {
-    Banded { value, low: value, high: value }
 }
 
 /// The surface that sends most, and its share; of several the first.

@@ -136,21 +136,16 @@ pub fn sweep(
         limits.irradiances_w_m2.iter().map(|t| format!("irradiance > {t} W/m2")).collect();
     words.extend(LUMINANCES_CD_M2.map(|t| format!("luminance > {t} cd/m2")));
     let pv = EyePv::new(&site);
+    let materials: Vec<_> =
+        candidates.iter().map(|c| EyeMaterial::by_surface(&c.bsdfs, &site)).collect();
     let coarse = (asked.coarse_s / step_s).max(1) as usize;
     let mut out = Vec::new();
     progress.begin("sweep", (eyes.len() * candidates.len()) as u64, "eyes");
     for (name, eye) in &eyes {
         let seen = sights(&pv, *eye);
-        for candidate in &candidates {
-            let each: Vec<_> = candidate.bsdfs.iter().map(EyeMaterial::new).collect();
-            let materials: Vec<_> = site.pv.iter().map(|s| each[s.entry].clone()).collect();
-            let sweeper = Sweeper {
-                pv: &pv,
-                seen: &seen,
-                timeline: &timeline,
-                materials: &materials,
-                limits: &limits,
-            };
+        for (candidate, materials) in candidates.iter().zip(&materials) {
+            let sweeper =
+                Sweeper { pv: &pv, seen: &seen, timeline: &timeline, materials, limits: &limits };
             let found = sweeper.run(coarse, progress)?;
             let exceeded = words.iter().enumerate().map(|(bit, words)| {
                 let lit = |t: usize| found.exceeded[t] >> bit & 1 != 0;

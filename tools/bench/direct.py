@@ -8,7 +8,7 @@ within 4 standard errors in annual irradiance, and why durations differ.
     python tools/bench/direct.py --only direct --plan 1000 --panorama 2000        the paper's, direct alone
     python tools/bench/direct.py --only direct --days 0:364:1 --plan 250  a full year, fused
     python tools/bench/direct.py --store FOLDER --stored 250000000 --bandwidth 400 --materials standard \
-        --around -48,6,12 --plan 300 --figure close.png     twelve metres of the plan, so close that
+        --around=-48,6,12 --plan 300 --figure close.png     twelve metres of the plan, so close that
                                                             discs are larger than pixels
 
 Both run from the same project, one material at a time and in turn, into folders of their own;
@@ -56,7 +56,7 @@ def project_of(folder, material, views):
 
     def stays(part):
         name = re.match(r'\[\[material\]\].*\nname = "(.*?)"', part)
-        # Regions and observers would have photons traced for the direct run, too.
+        # Maps alone are compared; regions and observers would take time of their own.
         left_out = ("[reference]", "[[region]]", "[[observer]]")
         view = re.match(r'\[\[view\]\]\nname = "(.*?)"', part)
         return ((not name or name.group(1) == material) and (not view or view.group(1) in views)

@@ -60,18 +60,9 @@ impl Lobe {
     pub(super) fn add_suns(&self, points: &[Point], sums: &mut Sums) {
         for point in points {
             let out = point.out;
-            let mut outs = Outs {
-                x: [out.x as f32],
-                y: [out.y as f32],
-                z: [out.z as f32],
-                scale: [0.0],
-                ground: [0.0],
-                hidden: [0.0],
-                surface: [point.surface as f32],
-                normal: [point.normal as f32],
-            };
-            self.shape.prepare(&mut outs);
-            pulp::Arch::new().dispatch(One { lobe: self, out: &outs, sums });
+            let out = self.shape.outs([[out.x as f32], [out.y as f32], [out.z as f32]]);
+            let worth = [point.surface as f32, point.normal as f32];
+            pulp::Arch::new().dispatch(One { lobe: self, out: &out, worth, sums });
         }
     }
 
@@ -162,6 +153,7 @@ fn arc_tangent(t: f32) -> f32 {
 struct One<'a> {
     lobe: &'a Lobe,
     out: &'a Outs<1>,
+    worth: [f32; 2],
     sums: &'a mut Sums,
 }
 
@@ -170,7 +162,7 @@ impl pulp::NullaryFnOnce for One<'_> {
 
     #[inline(always)]
     fn call(self) {
-        let Self { lobe, out, sums } = self;
+        let Self { lobe, out, worth, sums } = self;
         let Sums { surface, normal, gathered } = sums;
         let n = surface.len();
         let (x, y, z) = (&gathered.x[..n], &gathered.y[..n], &gathered.z[..n]);
@@ -181,8 +173,8 @@ impl pulp::NullaryFnOnce for One<'_> {
         for i in 0..n {
             let sun = [x[i], y[i], z[i], strength[i], from[i], hidden[i]];
             let value = lobe.shape.value(sun, [0.0; 3], alpha2, out, 0);
-            surface[i] += out.surface[0] * value;
-            normal[i] += out.normal[0] * value;
+            surface[i] += worth[0] * value;
+            normal[i] += worth[1] * value;
         }
     }
 }
@@ -216,10 +208,7 @@ impl pulp::NullaryFnOnce for Eight<'_> {
             surface[k] = solid * cos;
             normal[k] = solid * (cos / cos.max(MIN_COS));
         }
-        let empty = [0.0; POINTS];
-        let mut outs =
-            Outs { x, y, z, scale: empty, ground: empty, hidden: empty, surface, normal };
-        lobe.shape.prepare(&mut outs);
+        let outs = lobe.shape.outs([x, y, z]);
         let alpha2 = (lobe.shape.alpha * lobe.shape.alpha) as f32;
         for (k, &i) in list.iter().enumerate() {
             let i = i as usize;
@@ -248,8 +237,8 @@ impl pulp::NullaryFnOnce for Eight<'_> {
                     *sum += place.share * lobe.shape.value(sun, second, alpha2, &outs, p);
                 }
             }
-            into.surface[k] = dot(&sums, &outs.surface);
-            into.normal[k] = dot(&sums, &outs.normal);
+            into.surface[k] = dot(&sums, &surface);
+            into.normal[k] = dot(&sums, &normal);
         }
     }
 }

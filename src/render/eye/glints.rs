@@ -6,6 +6,7 @@ use glam::DVec3;
 use super::patches::{EyePv, LitPv, Patch, Root, Seen};
 use super::shine::{Shine, Waiting};
 use crate::base::Frame;
+use crate::site::Site;
 use crate::site::bsdf::{Bsdf, Term, on_circle};
 
 /// A patch of PV that shines at an eye.
@@ -101,6 +102,12 @@ impl<'a> EyeMaterial<'a> {
         let (Falls::File(rough) | Falls::Facets(rough)) = falls;
         let width = if bsdf.has_delta() { 0.0 } else { rough };
         Self { bsdf, terms: Shine::terms(bsdf).into(), width, falls }
+    }
+
+    /// That of each PV surface; `bsdfs` by the entry of the project that selects it.
+    pub fn by_surface(bsdfs: &'a [Bsdf], site: &Site) -> Vec<Self> {
+        let each: Vec<Self> = bsdfs.iter().map(Self::new).collect();
+        site.pv.iter().map(|surface| each[surface.entry].clone()).collect()
     }
 
     /// How many times brighter all that isn't mirrored may get, beside the sun's strength, while

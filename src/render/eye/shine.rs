@@ -3,7 +3,7 @@
 use glam::DVec3;
 
 use super::glints::{Glint, SunAt};
-use crate::render::lobe::{FacetLobe, Outs};
+use crate::render::lobe::FacetLobe;
 use crate::site::bsdf::{Bsdf, FacetTerm, Measured, Term};
 
 /// Patches that are evaluated at once.
@@ -95,25 +95,14 @@ impl pulp::NullaryFnOnce for Many<'_> {
     fn call(self) {
         let Self { lobe, suns, second, share, outs, into } = self;
         let alpha2 = (lobe.alpha * lobe.alpha) as f32;
-        let empty = [0.0; LANES];
         for (outs, into) in outs.chunks(LANES).zip(into.chunks_mut(LANES)) {
             // What is left over looks along the normal, and isn't asked.
-            let mut lanes = Outs {
-                x: empty,
-                y: empty,
-                z: [1.0; LANES],
-                scale: empty,
-                ground: empty,
-                hidden: empty,
-                surface: empty,
-                normal: empty,
-            };
+            let [mut x, mut y, mut z] = [[0.0; LANES], [0.0; LANES], [1.0; LANES]];
             for (p, out) in outs.iter().enumerate() {
-                (lanes.x[p], lanes.y[p], lanes.z[p]) =
-                    (out.x as f32, out.y as f32, (out.z as f32).max(1e-5));
+                (x[p], y[p], z[p]) = (out.x as f32, out.y as f32, (out.z as f32).max(1e-5));
             }
-            lobe.prepare(&mut lanes);
-            let mut sums = empty;
+            let lanes = lobe.outs([x, y, z]);
+            let mut sums = [0.0; LANES];
             for sun in suns {
                 let steep = 1.0 / (sun[0] * sun[0] + sun[1] * sun[1]).max(1e-9);
                 for (p, sum) in sums.iter_mut().enumerate() {

@@ -66,6 +66,13 @@ pub struct Banded {
     pub high: f64,
 }
 
+impl Banded {
+    /// A value without noise.
+    pub fn exactly(value: f64) -> Self {
+        Self { value, low: value, high: value }
+    }
+}
+
 /// Glare above one threshold.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct AtThreshold {

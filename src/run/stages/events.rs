@@ -47,7 +47,6 @@ pub(super) fn write(
         Some(store) => senders(&analysis.events, grid, &hits, &store, view)?,
         None => vec![None; analysis.events.len()],
     };
-    let surfaces: Vec<String> = job.site()?.pv.iter().map(|s| s.name.clone()).collect();
     let whole = TimeAxis::from(job.timeline()?);
     let steps = axis.unwrap_or(&whole);
     let told = Told {
@@ -56,7 +55,6 @@ pub(super) fn write(
         site: job.site()?,
         hits: &hits,
         north_deg: job.resolved.scene.north_deg,
-        surfaces: &surfaces,
     };
     let csv = name("events.csv");
     let path = job.folder.prepare(&csv)?;
@@ -171,7 +169,6 @@ struct Told<'a> {
     site: &'a Site,
     hits: &'a HitMap,
     north_deg: f64,
-    surfaces: &'a [String],
 }
 
 /// Columns that follow those of the analysis.
@@ -194,7 +191,7 @@ impl Told<'_> {
     }
 
     fn surface(&self, number: u16) -> &str {
-        self.surfaces.get(usize::from(number)).map_or("", String::as_str)
+        self.site.pv.get(usize::from(number)).map_or("", |surface| surface.name.as_str())
     }
 
     /// What is seen where an event is.

@@ -42,14 +42,8 @@ pub(in crate::run) fn eyes(job: &mut Job<'_>) -> Result<(), Error> {
     let axis = TimeAxis::from(timeline);
     let site = job.site()?;
     let clock = Clock::new(&resolved.project.site, axis.year);
-    let bsdfs: Vec<Vec<EyeMaterial<'_>>> = resolved
-        .candidates
-        .iter()
-        .map(|c| {
-            let each: Vec<_> = c.bsdfs.iter().map(EyeMaterial::new).collect();
-            site.pv.iter().map(|s| each[s.entry].clone()).collect()
-        })
-        .collect();
+    let bsdfs: Vec<Vec<EyeMaterial<'_>>> =
+        resolved.candidates.iter().map(|c| EyeMaterial::by_surface(&c.bsdfs, site)).collect();
     let [sigma, ..] = resolved.project.glare.sigma;
     let filter = Kernel::gaussian('t', sigma, resolved.project.glare.truncate)?;
     let thresholds = Thresholds {

@@ -134,13 +134,14 @@ fn metrics(job: &Job<'_>, group: &GroupReceived, eye: Option<&EyeYear>, pv_m2: f
         measured.extend(eye_times(eye, lowest, None, half_year));
     }
     if group.not_evaluated.is_none() {
+        let exact = job.resolved.sensors.iter().any(|s| s.name == RECEIVERS && s.direct);
         plain(&mut measured, Quantity::IrradianceWM2, group.peak_w_m2);
         for at in &group.thresholds {
-            measured.extend(times(at, Some(at.threshold_w_m2), half_year));
+            measured.extend(times(at, Some(at.threshold_w_m2), half_year, exact));
         }
         // Rules that name no irradiance: what lies above the lowest threshold counts.
         if let Some(at) = lowest(group) {
-            measured.extend(times(at, None, half_year));
+            measured.extend(times(at, None, half_year, exact));
         }
     }
     Metrics { class: class(job, &group.name), measured, conditions: conditions(job) }
@@ -150,7 +151,13 @@ fn lowest(group: &GroupReceived) -> Option<&AtThreshold> {
     group.thresholds.iter().min_by(|a, b| a.threshold_w_m2.total_cmp(&b.threshold_w_m2))
 }
 
-fn times(at: &AtThreshold, threshold_w_m2: Option<f64>, half_year: bool) -> Vec<Measured> {
+/// `exact`: integrated, without noise.
+fn times(
+    at: &AtThreshold,
+    threshold_w_m2: Option<f64>,
+    half_year: bool,
+    exact: bool,
+) -> Vec<Measured> {
     let banded = |quantity, v: Banded, factor: f64| Measured {
         quantity,
         threshold_w_m2,
@@ -158,20 +165,11 @@ fn times(at: &AtThreshold, threshold_w_m2: Option<f64>, half_year: bool) -> Vec<
         value: v.value * factor,
         band: Some([v.low * factor, v.high * factor]),
     };
-    // The filter makes noise smaller: the band of the unfiltered value, if it has one, holds that of
-    // the filtered.
+    // The filter makes noise smaller: the band of the unfiltered value holds that of the filtered.
     let filtered = |quantity, value: f64, around: Banded, factor: f64| {
-        let [low, high] = match around.low < around.high {
-            true => [around.low.min(value), around.high.max(value)],
-            false => [value; 2],
-        };
-        Measured {
-            quantity,
-            threshold_w_m2,
-            filtered: true,
-            value: value * factor,
-            band: Some([low * factor, high * factor]),
-        }
+        let around = if exact { Banded::exactly(value) } else { around };
+        let band = Some([around.low.min(value) * factor, around.high.max(value) * factor]);
+        Measured { quantity, threshold_w_m2, filtered: true, value: value * factor, band }
     };
     let mut out = vec![
         banded(Quantity::AnnualH, at.hours, 1.0),
@@ -405,7 +403,6 @@ pub(super) fn in_a_line(
         let (in_day, in_year) = (in_minutes(day.value), hours(year.value));
         format!("{in_day}{day_band} on {on}, {in_year}{} in the year", band(year, &hours))
     };
-    let exactly = |value: f64| Banded { value, low: value, high: value };
     let irradiance = |t: &&EyeTime| matches!(t.measure, Measure::Irradiance(_));
     let numbers = match (group.not_evaluated.is_some(), lowest(group)) {
         (false, Some(at)) => long(at.longest_day_h, at.longest_day, at.hours),
@@ -417,7 +414,7 @@ pub(super) fn in_a_line(
             .max_by(|a, b| a.glare.hours.total_cmp(&b.glare.hours))
         {
             Some(EyeTime { glare: g, .. }) => {
-                long(exactly(g.longest_day_h), g.longest_day, exactly(g.hours))
+                long(Banded::exactly(g.longest_day_h), g.longest_day, Banded::exactly(g.hours))
             }
             None => return Vec::new(),
         },

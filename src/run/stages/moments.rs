@@ -131,8 +131,7 @@ fn take(
     let (step, diameter_deg, lm_per_w) = instant(job, moment)?;
     let sun = SunAt { direction: step.sun, irradiance_w_m2: step.irradiance_w_m2, diameter_deg };
     let site = job.site()?;
-    let each: Vec<EyeMaterial<'_>> = candidate.bsdfs.iter().map(EyeMaterial::new).collect();
-    let materials: Vec<_> = site.pv.iter().map(|s| each[s.entry].clone()).collect();
+    let materials = EyeMaterial::by_surface(&candidate.bsdfs, site);
     let scene = Moment::new(site, month(job, moment), sun, lm_per_w, materials.clone());
     let picture = scene.paint(&view, job.progress)?;
     let name = |end: &str| file(job, candidate, moment, end);

@@ -27,6 +27,7 @@ pub mod moment;
 mod order;
 mod palette;
 mod passed;
+mod reflect;
 pub mod samples;
 mod seen;
 pub mod sensors;

@@ -2,20 +2,18 @@ use std::ops::Range;
 
 use glam::DVec3;
 
-use super::cells::Cell;
-use super::disc::Disc;
 use super::kernel::{Kernel, Point, Sums};
-use super::lobe::{POINTS, Place, Ways};
+use super::lobe::{POINTS, Ways};
 use super::rule::{GOOD, Look, rule_error};
 use super::scene::Spot;
 use super::sight::{LitPart, Rooted};
 use super::suns::Suns;
 use crate::render::facet::Facet;
+use crate::render::reflect::disc::{Disc, DiscPoint};
+use crate::render::reflect::pv::{Cell, SEEN};
 
 /// Parts that a cell on a border of what the spot sees is asked in.
 const SEEN_PARTS: usize = 4;
-/// What stands for a part that is wholly seen.
-pub(super) const SEEN: u16 = 1 << 15;
 
 /// What a spot sees of a triangle's asked cells.
 #[derive(Debug, Default)]
@@ -113,7 +111,7 @@ const SEVEN: usize = 2;
 pub(super) const DISCS: usize = 9;
 
 /// What stands for the disc in those ways.
-pub(super) fn disc_places(disc: &Disc) -> [Vec<Place>; DISCS] {
+pub(super) fn disc_places(disc: &Disc) -> [Vec<DiscPoint>; DISCS] {
     [
         vec![disc.middle()],
         disc.line(3),
@@ -171,7 +169,7 @@ pub(super) struct Integral<'a> {
     pub suns: &'a Suns,
     pub kernel: &'a Kernel<'a>,
     pub disc: &'a Disc,
-    pub places: &'a [Vec<Place>; DISCS],
+    pub places: &'a [Vec<DiscPoint>; DISCS],
     pub spot: &'a Spot,
     /// The spot's normal, turned over, in the facet's frame.
     pub toward: [f32; 3],
@@ -196,20 +194,13 @@ struct Seen {
 impl Integral<'_> {
     /// Adds what arrives from the triangle for all `suns` (numbers among the facet's).
     pub(super) fn add(&mut self, suns: &[u32]) {
-        let whole = self.root.cell;
+        let whole = self.root.triangle.cell;
         self.descend(&whole, suns);
     }
 
     /// Range of the asked cells of a cell.
     fn asked(&self, cell: &Cell) -> Range<usize> {
-        let asked = self.root.asked;
-        if cell.level <= asked {
-            let shift = 2 * (asked - cell.level);
-            cell.index << shift..(cell.index + 1) << shift
-        } else {
-            let at = cell.index >> (2 * (cell.level - asked));
-            at..at + 1
-        }
+        self.root.triangle.asked_cells(cell)
     }
 
     fn descend(&mut self, cell: &Cell, suns: &[u32]) {
@@ -219,13 +210,13 @@ impl Integral<'_> {
             return;
         }
         let look = Look::at(cell, self.facet, self.spot);
-        let whole = cell.level < self.root.asked;
+        let whole = cell.level < self.root.triangle.asked;
         let seen = Seen {
             look,
             share,
             by_parts: share < 1.0 && whole && !self.seen.is_even(&asked),
             error: if share < 1.0 { SEEN_ERROR * self.seen.uneven(&asked) / share } else { 0.0 },
-            deepest: cell.level >= self.root.asked + DEEPER,
+            deepest: cell.level >= self.root.triangle.asked + DEEPER,
             cell: *cell,
         };
         let good = if seen.by_parts { PARTLY_SEEN } else { GOOD[2] };
@@ -266,12 +257,12 @@ impl Integral<'_> {
         if lit.is_even() {
             return Some((part, 0.0));
         }
-        if seen.cell.level >= self.root.asked {
+        if seen.cell.level >= self.root.triangle.asked {
             return Some((part, LIT_ERROR / part));
         }
         (!seen.by_parts && ratio2 <= PARTLY_LIT * PARTLY_LIT).then(|| {
             // A border crosses about twice as many asked cells as lie along an edge.
-            let along = (1_u32 << (self.root.asked - seen.cell.level)) as f32;
+            let along = (1_u32 << (self.root.triangle.asked - seen.cell.level)) as f32;
             (part, 3.0 * (1.0 - part) * ratio2.sqrt() + LIT_ERROR * 2.0 / (along * part))
         })
     }

@@ -64,7 +64,7 @@ impl<'a> Kernel<'a> {
                 let mut rows = Vec::with_capacity(patches * suns.len());
                 for out in 0..patches {
                     rows.extend(suns.direction.iter().zip(&suns.strength).map(|(d, s)| {
-                        let value = measured.incident_patch(*d).map(|i| measured.value(i, out));
+                        let value = measured.incidence(*d).map(|i| measured.patch_value(&i, out));
                         (share * value.unwrap_or(0.0) * d.z * f64::from(*s)) as f32
                     }));
                 }

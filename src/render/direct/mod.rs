@@ -7,8 +7,6 @@
 //! bound of the error. Ideal mirrors are exact: the share of the sun's disc in a polygon.
 //! [`direct_series`] does so for all pixels of a view.
 
-mod cells;
-mod disc;
 mod fused;
 mod integral;
 mod kernel;

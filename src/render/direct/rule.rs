@@ -1,11 +1,11 @@
 use glam::{DVec3, Vec3};
 
-use super::cells::Cell;
 use super::kernel::Point;
 use super::lobe::{POINTS, Ways};
 use super::scene::Spot;
 use crate::render::MIN_COS;
 use crate::render::facet::Facet;
+use crate::render::reflect::pv::Cell;
 
 /// Points of a rule on a triangle and their weights.
 type Rule = &'static [([f64; 3], f64)];

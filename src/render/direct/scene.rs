@@ -2,16 +2,15 @@ use std::ops::Range;
 
 use glam::DVec3;
 
-use super::cells::Cell;
-use super::disc::Disc;
-use super::integral::{DISCS, Integral, SEEN, Scratch, SeenCells, disc_places};
+use super::integral::{DISCS, Integral, Scratch, SeenCells, disc_places};
 use super::kernel::Kernel;
-use super::lobe::Place;
 use super::sight::{PvSight, Rooted};
 use super::specular::Specular;
 use super::year::DirectYear;
 use crate::base::Timeline;
 use crate::render::Error;
+use crate::render::reflect::disc::{Disc, DiscPoint};
+use crate::render::reflect::pv::{Cell, NOT_ASKED, seen_share};
 use crate::site::Site;
 use crate::site::bsdf::Bsdf;
 
@@ -53,7 +52,7 @@ pub struct Direct<'a> {
     kernels: Vec<Vec<Kernel<'a>>>,
     disc: Disc,
     /// Places on the disc by the way in which it is looked at.
-    places: [Vec<Place>; DISCS],
+    places: [Vec<DiscPoint>; DISCS],
     /// By facet: the numbers of its suns, by the month in which crowns let as much through.
     by_month: Vec<Vec<(usize, Vec<u32>)>>,
 }
@@ -63,11 +62,9 @@ pub struct Direct<'a> {
 pub struct DirectScratch {
     scratch: Scratch,
     seen: SeenCells,
-    /// How much of the light from each node of a lattice gets to the spot, in [`SEEN`]ths.
+    /// How much of the light from each node of a lattice gets to the spot, in [`SEEN`](crate::render::reflect::pv::SEEN)ths.
     at_node: Vec<u16>,
 }
-
-const NOT_ASKED: u16 = u16::MAX;
 
 impl<'a> Direct<'a> {
     /// `sight` was made from the same scene and suns.
@@ -145,8 +142,14 @@ impl<'a> Direct<'a> {
                 list[asked.clone()].fill(0.0);
             }
             let mut lit = false;
-            for root in self.sight.roots.iter().filter(|root| root.facet == number) {
-                if root.cell.corners.iter().all(|c| spot.normal.dot(*c - spot.position) <= 0.0) {
+            for root in self.sight.roots.iter().filter(|root| root.triangle.facet == number) {
+                if root
+                    .triangle
+                    .cell
+                    .corners
+                    .iter()
+                    .all(|c| spot.normal.dot(*c - spot.position) <= 0.0)
+                {
                     continue;
                 }
                 let bsdf = self.scene.bsdfs[usize::from(facet.surface)];
@@ -161,7 +164,7 @@ impl<'a> Direct<'a> {
                         max_path_m: self.scene.max_path_m,
                         sun_visibility: self.scene.sun_visibility,
                     };
-                    specular.add(&root.cell.corners, suns, asked.clone(), into);
+                    specular.add(&root.triangle.cell.corners, suns, asked.clone(), into);
                 }
                 if self.kernels[number].is_empty() {
                     continue;
@@ -211,13 +214,13 @@ impl<'a> Direct<'a> {
         let DirectScratch { seen, at_node, .. } = buffers;
         seen.clear();
         at_node.clear();
-        at_node.resize(root.lattice.len(), NOT_ASKED);
-        let sees = |place| self.spot_sees(place, root.facet, spot, month);
-        look_into(&root.cell, root, &sees, seen, at_node);
+        at_node.resize(root.triangle.lattice.len(), NOT_ASKED);
+        let sees = |place| self.spot_sees(place, root.triangle.facet, spot, month);
+        look_into(&root.triangle.cell, root, &sees, seen, at_node);
         seen.any()
     }
 
-    /// How much of the light from a place gets to the spot, in [`SEEN`]ths.
+    /// How much of the light from a place gets to the spot, in [`SEEN`](crate::render::reflect::pv::SEEN)ths.
     fn spot_sees(&self, place: DVec3, facet: usize, spot: &Spot, month: usize) -> u16 {
         let start = self.sight.facets[facet].lifted(place);
         let way = spot.eye - start;
@@ -229,7 +232,7 @@ impl<'a> Direct<'a> {
         let end_m = (away_m - 0.5 * LIFT_M).max(0.0) as f32;
         let (start, towards) = (start.as_vec3(), towards.as_vec3());
         let share = self.scene.site.transmittance(start, towards, end_m, month);
-        (share * f32::from(SEEN)).round() as u16
+        seen_share(share)
     }
 
     /// The suns.
@@ -247,15 +250,9 @@ fn look_into(
     seen: &mut SeenCells,
     at_node: &mut [u16],
 ) {
-    let below = root.asked - cell.level;
+    let below = root.triangle.asked - cell.level;
     if below <= SKIPPED_LEVELS {
-        let said = cell.nodes.map(|node| {
-            let answer = &mut at_node[root.lattice.number(node)];
-            if *answer == NOT_ASKED {
-                *answer = sees(root.lattice.place(node));
-            }
-            *answer
-        });
+        let said = root.triangle.lattice.corners_see(cell, at_node, sees);
         if said.iter().all(|s| *s == said[0]) {
             return seen.push_even(1 << (2 * below), said[0]);
         }

@@ -2,14 +2,13 @@ use std::ops::Range;
 
 use glam::DVec3;
 
-use super::disc::Disc;
-use super::lobe::Place;
 use super::scene::Spot;
 use super::suns::Suns;
 use super::year::DirectYear;
 use crate::base::Frame;
 use crate::render::MIN_COS;
 use crate::render::facet::Facet;
+use crate::render::reflect::disc::{Disc, DiscPoint};
 use crate::site::Site;
 use crate::site::bsdf::Bsdf;
 
@@ -21,7 +20,7 @@ pub(super) struct Specular<'a> {
     pub bsdf: &'a Bsdf,
     pub disc: &'a Disc,
     /// Points of the disc in a sun's frame.
-    pub points: &'a [Place],
+    pub points: &'a [DiscPoint],
     pub spot: &'a Spot,
     pub max_path_m: f64,
     pub sun_visibility: bool,

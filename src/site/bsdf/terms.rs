@@ -2,9 +2,7 @@
 
 use std::f64::consts::FRAC_1_PI;
 
-use glam::DVec3;
-
-use super::{Bsdf, Facets, Measured, Table, fresnel, scatter::PvGlass};
+use super::{Bsdf, Facets, Measured, fresnel, scatter::PvGlass};
 
 /// A part of a scattering function without its delta lobes; the function is the sum of its terms,
 /// each times its share ([`Bsdf::terms`]).
@@ -94,42 +92,10 @@ impl Bsdf {
     }
 }
 
-impl Measured {
-    /// Number of the incident patch of a direction, where the file has patches (Klems).
-    pub fn incident_patch(&self, incident: DVec3) -> Option<usize> {
-        match self.table() {
-            Table::Matrix(matrix) => matrix.incident_patch(self.turned(incident)),
-            Table::Tree(_) => None,
-        }
-    }
-
-    /// Outgoing patches of a file that has patches (Klems), else 0.
-    pub fn patches(&self) -> usize {
-        match self.table() {
-            Table::Matrix(matrix) => matrix.outgoing.len(),
-            Table::Tree(_) => 0,
-        }
-    }
-
-    /// The value between two patches, 1/sr; 0 where the file has none.
-    pub fn value(&self, incident: usize, outgoing: usize) -> f64 {
-        match self.table() {
-            Table::Matrix(matrix) => matrix.value(incident, outgoing),
-            Table::Tree(_) => 0.0,
-        }
-    }
-
-    /// Number of the outgoing patch of a direction, where the file has patches.
-    pub fn outgoing_patch(&self, out: DVec3) -> Option<usize> {
-        match self.table() {
-            Table::Matrix(matrix) => matrix.outgoing.patch(self.turned(out)),
-            Table::Tree(_) => None,
-        }
-    }
-}
-
 #[cfg(test)]
 mod tests {
+    use glam::DVec3;
+
     use super::*;
     use crate::base::{Purpose, Stream};
     use crate::site::bsdf::{PRESETS, on_hemisphere};

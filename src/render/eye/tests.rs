@@ -146,7 +146,7 @@ fn a_patch_is_as_bright_as_the_material_says() {
                 }
             }
             let expected = DNI * sum / count;
-            let found = material.shine(&sun, to_sun, out);
+            let found = material.under(&sun, to_sun).radiance(out);
             let miss = (found / expected - 1.0).abs();
             let sun = format!("sun {:.3}, out {:.3} over the PV", to_sun.z, out.z);
             // Where light grazes, the lobe is narrower than the places on the disc lie apart.

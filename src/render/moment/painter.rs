@@ -5,7 +5,7 @@ use rayon::prelude::*;
 
 use super::ClearSky;
 use crate::base::{Frame, Grid, Progress, Purpose, Stream};
-use crate::render::eye::{EyeMaterial, SunAt};
+use crate::render::eye::{EyeMaterial, SunAt, UnderSun};
 use crate::render::hits::{Met, surfaces_along};
 use crate::render::palette::{self, Palette};
 use crate::render::{Error, View, ViewRay};
@@ -38,6 +38,8 @@ pub struct Moment<'a> {
     watts: f64,
     sky: ClearSky,
     materials: Vec<EyeMaterial<'a>>,
+    /// Front and back of each PV surface under the sun.
+    sunlit: Vec<[UnderSun<'a>; 2]>,
     palette: Palette,
     directions: Vec<DVec3>,
     sun_tint: Vec3,
@@ -61,7 +63,14 @@ impl<'a> Moment<'a> {
                 DVec3::new(r * libm::cos(angle), r * libm::sin(angle), (1.0 - r2).sqrt())
             })
             .collect();
+        let sunlit = site.pv.iter().zip(&materials).map(|(pv, material)| {
+            [pv.normal, -pv.normal].map(|normal| {
+                let frame = Frame::around(normal.normalize());
+                material.under(&sun, frame.local_from_world(sun.direction))
+            })
+        });
         Self {
+            sunlit: sunlit.collect(),
             sky: ClearSky::new(sun.direction, sun.irradiance_w_m2 * lm_per_w),
             watts: lm_per_w / WATT_LM,
             palette: Palette::of(site),
@@ -292,12 +301,12 @@ impl<'a> Moment<'a> {
         let material = &self.materials[usize::from(surface)];
         let from = (met.position + frame.z * LIFT_M).as_vec3();
         let out = frame.local_from_world(-direction);
-        let to_sun = frame.local_from_world(self.sun.direction);
+        let under = &self.sunlit[usize::from(surface)][usize::from(!front)];
         let mut seen = Vec3::ZERO;
-        if to_sun.z > 0.0 {
+        if frame.z.dot(self.sun.direction) > 0.0 {
             let passes = self.passes(from, self.sun.direction);
             if passes > 0.0 {
-                seen += self.sun_watts(material.shine(&self.sun, to_sun, out)) * passes;
+                seen += self.sun_watts(under.radiance(out)) * passes;
             }
         }
         let bsdf = material.bsdf();

@@ -117,7 +117,8 @@ impl PvSight {
                 .collect();
             let months = &suns[root.triangle.facet].month;
             let passes = |place: DVec3, sun: usize| {
-                let (start, way) = (facet.lifted(place).as_vec3(), directions[sun].as_vec3());
+                let start = facet.ray_start(place, directions[sun]).as_vec3();
+                let way = directions[sun].as_vec3();
                 let month = usize::from(months[sun]);
                 LitPart::even(if sun_visibility {
                     site.transmittance(start, way, f32::INFINITY, month)

@@ -271,12 +271,13 @@ impl<'a> EyePv<'a> {
                 continue;
             }
             let sees = |from: DVec3| {
-                let start = facet.lifted(from);
-                let way = place - start;
+                let way = place - from;
                 let length = way.length();
                 if eye.direction.dot(way) >= 0.0 {
                     return 0;
                 }
+                let start = facet.ray_start(from, way / length);
+                let (way, length) = (place - start, place.distance(start));
                 let end = (length - 0.5 * LIFT_M).max(0.0) as f32;
                 let towards = (way / length).as_vec3();
                 seen_share(self.site.transmittance(start.as_vec3(), towards, end, month))
@@ -508,7 +509,7 @@ impl<'a> EyePv<'a> {
             }
             let way = sun.as_vec3();
             let sees = |from: DVec3| {
-                let start = facet.lifted(from).as_vec3();
+                let start = facet.ray_start(from, sun).as_vec3();
                 seen_share(self.site.transmittance(start, way, f32::INFINITY, month))
             };
             shares.ask(root, splits, &|i| seen.shares.of[i] > 0, &sees);

@@ -23,6 +23,9 @@ const MOST_LEVELS: u32 = 10;
 /// Halvings that find a border on an edge of a cell: to a hundredth of it.
 const HALVINGS: u32 = 6;
 
+/// Corners of a triangle ask their questions so far inside of it, m.
+const INSET_M: f64 = 2e-3;
+
 /// A share of the light in [`SEEN`]ths.
 pub(in crate::render) fn seen_share(share: f32) -> u16 {
     (share * f32::from(SEEN)).round() as u16
@@ -163,11 +166,16 @@ pub(in crate::render) struct Lattice {
     corners: [DVec3; 3],
     /// Steps along each edge.
     steps: usize,
+    middle: DVec3,
+    /// Scale about the middle that moves corners inside.
+    inset: f64,
 }
 
 impl Lattice {
     pub(in crate::render) fn new(corners: [DVec3; 3], asked: u32) -> Self {
-        Self { corners, steps: 1 << asked }
+        let [a, b, c] = corners;
+        let inset = 1.0 - (INSET_M / radius_m(&corners)).min(0.1);
+        Self { corners, steps: 1 << asked, middle: (a + b + c) / 3.0, inset }
     }
 
     pub(in crate::render) fn len(&self) -> usize {
@@ -199,9 +207,7 @@ impl Lattice {
 
     /// A place of the triangle, moved a little inside.
     fn inside(&self, at: DVec3) -> DVec3 {
-        let [a, b, c] = self.corners;
-        let middle = (a + b + c) / 3.0;
-        middle + (at - middle) * (1.0 - 0.1 / self.steps as f64)
+        self.middle + (at - self.middle) * self.inset
     }
 
     /// What the corners of a cell see; nodes that were asked before aren't asked again.
@@ -271,7 +277,7 @@ impl Lattice {
                     far = t
                 }
             }
-            corners[i].lerp(to, 0.5 * (near + far))
+            self.inside(corners[i].lerp(to, 0.5 * (near + far)))
         };
         let [p, q] = [first, second].map(|k| border(corners[k]));
         keep([corners[i], p, q], said[i]);

@@ -45,7 +45,7 @@ fn classify(cause: &(dyn std::error::Error + 'static)) -> Option<FaultKind> {
         crate::render::Error,
         crate::run::Error,
         crate::site::Error,
-        crate::site::bsdf::Error,
+        crate::bsdf::Error,
         crate::sky::Error,
         crate::trace::Error,
         crate::volume::Error,

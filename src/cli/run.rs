@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 use clap::builder::{PossibleValuesParser, TypedValueParser};
 
 use super::{Context, size};
-use crate::glare::rules::Outcome;
+use crate::rules::Outcome;
 use crate::run::{self, Assignment, Options, Resolved, Shard, Stage, Summary};
 
 /// Run what is missing or out of date, resume what was interrupted

@@ -2,7 +2,7 @@ use std::io;
 use std::path::PathBuf;
 
 use crate::base::{FaultKind, Interrupted};
-use crate::{glare, pages, picture, render, site, sky, trace, volume};
+use crate::{bsdf, glare, pages, picture, render, rules, site, sky, trace, volume};
 
 /// Why a run could not go on.
 #[derive(Debug, thiserror::Error)]
@@ -106,13 +106,13 @@ pub enum Error {
     /// From the room `site`.
     #[error(transparent)]
     Site(#[from] site::Error),
-    /// From the room `site`, about a material.
+    /// From the room `bsdf`, about a material.
     #[error("material `{name}`")]
     Material {
         /// The material's name.
         name: String,
         /// What is wrong.
-        source: site::bsdf::Error,
+        source: bsdf::Error,
     },
     /// From the room `sky`.
     #[error(transparent)]
@@ -132,6 +132,9 @@ pub enum Error {
     /// From the room `glare`.
     #[error(transparent)]
     Glare(#[from] glare::Error),
+    /// From the room `rules`.
+    #[error(transparent)]
+    Rules(#[from] rules::Error),
     /// From the room `picture`.
     #[error(transparent)]
     Picture(#[from] picture::Error),
@@ -187,6 +190,7 @@ impl Error {
             Self::Render(e) => e.kind(),
             Self::Volume(e) => e.kind(),
             Self::Glare(e) => e.kind(),
+            Self::Rules(e) => e.kind(),
             Self::Picture(e) => e.kind(),
         }
     }

@@ -7,7 +7,7 @@ use serde::Serialize;
 use super::error::Error;
 use super::job::{Job, Stage};
 use super::resolve::{Candidate, Resolved};
-use crate::site::bsdf::{Bsdf, Term};
+use crate::bsdf::{Bsdf, Term};
 
 /// Rates on two cores at 2.5 GHz, from which times are expected. They are rough: the share of
 /// photons that land decides most, and it is known only after a pilot.

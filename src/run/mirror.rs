@@ -12,10 +12,11 @@ use super::points::Spreader;
 use super::project::{Ids, RegionTable};
 use super::resolve::Resolved;
 use crate::base::Progress;
-use crate::glare::rules::{self, Quantity};
 use crate::render::{
     self, Anywhere, MirrorDay, MirrorReceiver, MirrorRule, MirrorSummary, MirrorTimes, MirrorYear,
 };
+use crate::rules;
+use crate::rules::Quantity;
 use crate::site::Site;
 use crate::sky;
 

@@ -188,19 +188,19 @@ pub struct MaterialTable {
     /// Which side of the file is PV: `"front"` (Radiance's, WINDOW's `Reflection Back`; the
     /// default) or `"back"`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub side: Option<crate::site::bsdf::Side>,
+    pub side: Option<crate::bsdf::Side>,
     /// Which light of the file: `"visible"` or `"solar"`; visible if it has it.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub spectrum: Option<crate::site::bsdf::Spectrum>,
+    pub spectrum: Option<crate::bsdf::Spectrum>,
     /// A model, where nothing was measured, or a preset: `"satinated"`, `{ preset = "tile" }`.
     #[serde(default, deserialize_with = "model")]
-    pub model: Option<crate::site::bsdf::Model>,
+    pub model: Option<crate::bsdf::Model>,
 }
 
 fn model<'de, D: serde::Deserializer<'de>>(
     from: D,
-) -> Result<Option<crate::site::bsdf::Model>, D::Error> {
-    crate::site::bsdf::preset_or_model(from).map(Some)
+) -> Result<Option<crate::bsdf::Model>, D::Error> {
+    crate::bsdf::preset_or_model(from).map(Some)
 }
 
 /// `[[case]]`

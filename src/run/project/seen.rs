@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use serde::{Deserialize, Serialize};
 
-use crate::glare::rules::Class;
+use crate::rules::Class;
 
 use super::DayEntry;
 

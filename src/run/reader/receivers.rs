@@ -6,9 +6,10 @@ use std::path::Path;
 
 use super::Reader;
 use crate::base::limits;
-use crate::glare::rules::{self, Profile};
 use crate::render::sensors::parse_sensors;
 use crate::render::{Estimator, Gather, View};
+use crate::rules;
+use crate::rules::Profile;
 use crate::run::Error;
 use crate::run::manifest::hash_path;
 use crate::run::project::{RegionTable, ViewTable};

@@ -5,13 +5,13 @@ use std::path::Path;
 
 use super::{Reader, view_file};
 use crate::base::limits;
+use crate::bsdf::{Bsdf, BsdfFile};
 use crate::glare;
 use crate::render::{EXACT_BITS, Estimator, Gather, Kernel, Quantity, View};
 use crate::run::Error;
 use crate::run::manifest::hash_path;
 use crate::run::project::{MaterialTable, ViewTable};
 use crate::run::resolve::{Candidate, Made, PlannedView};
-use crate::site::bsdf::{Bsdf, BsdfFile};
 use crate::trace::{self, Receivers};
 
 impl Reader<'_> {

@@ -11,12 +11,12 @@ use super::judged::class;
 use super::receivers::sheet::quoted;
 use super::receivers::{OUTDOOR_H, occurrence};
 use crate::base::{Provenance, SpectralBasis};
-use crate::glare::rules::Class;
 use crate::glare::{Kernel, Lengths};
 use crate::picture::scatter::{Dots, LogAxis, Scatter, Zone};
 use crate::render::Quantity;
 use crate::render::eye::hazard::{HazardZone, after_image_w_cm2, burn_w_cm2};
 use crate::render::eye::{Eye, EyeInstant, EyeMaterial, EyePv};
+use crate::rules::Class;
 use crate::run::Error;
 use crate::run::clock::Clock;
 use crate::run::eyes::{

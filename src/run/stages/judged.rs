@@ -7,9 +7,7 @@ use serde::{Deserialize, Serialize};
 
 use super::eyes::read_eyes;
 use super::receivers::read_received;
-use crate::glare::rules::{
-    Class, Judged, Limit, Measured, Metrics, Outcome, Profile, Quantity, Verdict,
-};
+use crate::rules::{Class, Judged, Limit, Measured, Metrics, Outcome, Profile, Quantity, Verdict};
 use crate::run::Error;
 use crate::run::clock::Clock;
 use crate::run::eyes::{EyeTime, EyeYear, EyeYears, Measure};

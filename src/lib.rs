@@ -6,6 +6,8 @@ pub mod cli;
 pub mod glare;
 pub mod pages;
 pub mod picture;
+pub mod project;
+pub mod receivers;
 pub mod render;
 pub mod report;
 pub mod rules;

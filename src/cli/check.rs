@@ -5,7 +5,10 @@ use serde_json::json;
 
 use super::Context;
 use crate::base::limits::MAX_FINDINGS_SHOWN;
-use crate::run::{self, Assignment, Resolved, receivers};
+use crate::project::Assignment;
+use crate::project::Resolved;
+use crate::receivers::points::receivers;
+use crate::run;
 use crate::site::{self, check};
 
 /// Read all inputs and say what was understood and what looks wrong, without running

@@ -6,8 +6,8 @@ use serde::Serialize;
 
 use super::error::Error;
 use super::job::{Job, Stage};
-use super::resolve::{Candidate, Resolved};
 use crate::bsdf::{Bsdf, Term};
+use crate::project::{Candidate, Resolved};
 
 /// Rates on two cores at 2.5 GHz, from which times are expected. They are rough: the share of
 /// photons that land decides most, and it is known only after a pilot.

@@ -3,9 +3,9 @@
 
 use super::error::Error;
 use super::job::Stage;
-use super::manifest::{Manifest, key_of};
-use super::resolve::Resolved;
 use super::stages;
+use crate::project::Resolved;
+use crate::project::{Manifest, key_of};
 
 /// A unit of work that the plan asks for.
 #[derive(Clone, Debug)]

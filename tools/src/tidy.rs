@@ -62,7 +62,8 @@ pub fn tidy(root: &Path) -> Result<Findings> {
     let sources: BTreeMap<String, String> = sources
         .into_iter()
         .map(|(path, text)| {
-            let name = path.strip_prefix(root).unwrap_or(&path).to_string_lossy().replace('\\', "/");
+            let name =
+                path.strip_prefix(root).unwrap_or(&path).to_string_lossy().replace('\\', "/");
             (name, text)
         })
         .collect();

@@ -11,11 +11,11 @@ use crate::base::{Grid, Progress, SeriesEntry, SinkError, TileRect, TileSink, li
 use crate::glare::{
     self, Analysis, Calendar, Plan, Regular, Session, Slices, TileBatch, YearRows, YearTiles,
 };
+use crate::project::{Candidate, PlannedView};
+use crate::receivers::clock::Clock;
 use crate::render::{Fused, FusedDirect, HitMap};
-use crate::run::Error;
-use crate::run::clock::Clock;
+use crate::run::error::Error;
 use crate::run::job::Job;
-use crate::run::resolve::{Candidate, PlannedView};
 use crate::volume::{TimeAxis, segments_from_numbers};
 
 /// Bytes of a batch for each number in it: in the batch, and while its tiles are put in order.

@@ -9,10 +9,10 @@ use super::{direct, fused};
 use crate::base::Grid;
 use crate::glare::{self, Analysis, Regular, Slices, YearRows};
 use crate::picture::exr;
-use crate::run::Error;
-use crate::run::clock::Clock;
+use crate::project::{Candidate, PlannedView};
+use crate::receivers::clock::Clock;
+use crate::run::error::Error;
 use crate::run::job::{Job, Stage};
-use crate::run::resolve::{Candidate, PlannedView};
 use crate::volume::{TimeAxis, Volume};
 
 /// Analyses each candidate's series in each view, at each threshold.

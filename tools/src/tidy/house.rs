@@ -119,7 +119,8 @@ impl House {
         let mut path = path.to_vec();
         // Doors hand on to doors; a handful of steps is more than any path takes.
         for _ in 0..8 {
-            let depth = (1..=path.len()).rev().find(|n| self.by_module.contains_key(&path[..*n]))?;
+            let depth =
+                (1..=path.len()).rev().find(|n| self.by_module.contains_key(&path[..*n]))?;
             let file = self.by_module.get(&path[..depth])?;
             let handed = path.get(depth).and_then(|name| self.files[file].reexports.get(name));
             match handed {

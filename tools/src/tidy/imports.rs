@@ -190,7 +190,8 @@ impl<'ast> Visit<'ast> for Reader {
     fn visit_macro(&mut self, mac: &'ast syn::Macro) {
         self.visit_path(&mac.path);
         // `format!`, `vec!`, `matches!` and the like take expressions; others are left alone.
-        let arguments = mac.parse_body_with(Punctuated::<syn::Expr, syn::Token![,]>::parse_terminated);
+        let arguments =
+            mac.parse_body_with(Punctuated::<syn::Expr, syn::Token![,]>::parse_terminated);
         for argument in arguments.iter().flatten() {
             // The arguments live as long as this call; the visitor borrows nothing from them.
             Reader::visit_expr(self, argument);

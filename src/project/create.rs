@@ -10,8 +10,10 @@ use serde::Serialize;
 
 use super::error::Error;
 use super::set;
-use super::site_plan::PLAN_FILE;
 use crate::site::{Loaded, PvSpec, SceneFile, SceneSpec, Select, Site};
+
+/// The plan of the site that `new` and `check` draw beside the project file.
+pub const PLAN_FILE: &str = "site.png";
 
 /// How carefully the case study is computed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]

@@ -3,10 +3,10 @@
 use std::collections::BTreeSet;
 
 use super::Reader;
+use crate::project::error::Error;
+use crate::project::resolve::{Camera, PlannedMoment};
+use crate::project::view_tables::MomentTable;
 use crate::render::View;
-use crate::run::Error;
-use crate::run::project::MomentTable;
-use crate::run::resolve::{Camera, PlannedMoment};
 use crate::sky;
 
 /// Pixels of a picture along an observer's direction; of a fisheye, and of one with view options

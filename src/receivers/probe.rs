@@ -5,14 +5,15 @@ use std::collections::BTreeMap;
 use glam::DVec3;
 use serde::Serialize;
 
+use super::air::Crossings;
 use super::clock::Clock;
 use super::error::Error;
-use super::folder::Folder;
 use super::points::PointSet;
-use super::resolve::{PlannedView, Resolved};
-use super::stages::{Crossings, read_points};
+use super::points::read_points;
 use crate::base::Timeline;
 use crate::pages::{Access, Neighbours, OpenOptions, Query, Store};
+use crate::project::Folder;
+use crate::project::{PlannedView, Resolved};
 use crate::render::{Hit, HitMap};
 use crate::volume::Volume;
 
@@ -85,12 +86,7 @@ pub struct Moment {
 /// # Errors
 /// When the view isn't known, the spot lies outside it, or the run isn't there yet.
 pub fn probe(resolved: &Resolved, view: &str, spot: Spot) -> Result<Probed, Error> {
-    let wrong = |message: String| Error::Project {
-        path: resolved.file.clone(),
-        line: 0,
-        column: 0,
-        message,
-    };
+    let wrong = |message: String| Error::from(resolved.mistake(message));
     let names = || resolved.with_sensors().map(|v| v.name.as_str());
     let known = || names().collect::<Vec<_>>().join(", ");
     let planned = resolved.with_sensors().find(|v| v.name == view).ok_or_else(|| {

@@ -4,9 +4,9 @@ use std::fs;
 use std::io;
 use std::path::{Path, PathBuf};
 
-use super::Project;
-use crate::run::error::Error;
-use crate::run::set::{Assignment, apply};
+use super::error::Error;
+use super::set::{Assignment, apply};
+use super::tables::Project;
 
 /// Reads a project. `path` is its folder or its `project.toml`; `set` overrides single keys.
 ///

@@ -2,12 +2,13 @@
 
 use std::path::Path;
 
-use super::{Mirrored, MirroredAt, NOTE, date};
+use super::error::Error;
 use crate::base::Provenance;
 use crate::picture::Chart;
 use crate::picture::chart::{Axis, Cell, SURFACES, Swatch};
 use crate::picture::figure::Polyline;
-use crate::run::{Error, Resolved};
+use crate::project::Resolved;
+use crate::receivers::mirror::{Mirrored, MirroredAt, NOTE, date};
 use crate::sky;
 
 fn quoted(text: &str) -> String {

@@ -1,8 +1,5 @@
 //! The project file as it is written: every key, its default, and where a mistake is.
 
-mod read;
-mod seen;
-
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
@@ -10,9 +7,8 @@ use serde::{Deserialize, Serialize};
 
 use crate::site::{PvArray, Select};
 
-pub use read::read;
-pub use seen::{
-    Ids, MomentTable, ObserverTable, ReceiversTable, RegionTable, SeasonTable, ViewTable,
+use super::view_tables::{
+    MomentTable, ObserverTable, ReceiversTable, RegionTable, SeasonTable, ViewTable,
 };
 
 /// `project.toml`, key by key. See the example projects under `fixtures/projects`.

@@ -4,9 +4,9 @@ use std::collections::BTreeMap;
 
 use serde::{Deserialize, Serialize};
 
+use super::points::Kind;
 use crate::glare::SpotGlare;
 use crate::render::sensors::PvInView;
-use crate::run::points::Kind;
 
 /// `receivers.json`
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]

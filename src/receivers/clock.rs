@@ -4,7 +4,7 @@ use jiff::civil::Date;
 use jiff::tz::TimeZone;
 use jiff::{SignedDuration, Timestamp};
 
-use super::project::SiteTable;
+use crate::project::SiteTable;
 use crate::volume::TimeAxis;
 
 /// Turns (day of year, hour of local standard time) into dates and civil times.

@@ -6,14 +6,14 @@ use std::path::Path;
 
 use super::Reader;
 use crate::base::limits;
+use crate::project::error::Error;
+use crate::project::manifest::hash_path;
+use crate::project::resolve::{PlannedView, Points, RECEIVERS};
+use crate::project::view_tables::{RegionTable, ViewTable};
 use crate::render::sensors::parse_sensors;
 use crate::render::{Estimator, Gather, View};
 use crate::rules;
 use crate::rules::Profile;
-use crate::run::Error;
-use crate::run::manifest::hash_path;
-use crate::run::project::{RegionTable, ViewTable};
-use crate::run::resolve::{PlannedView, Points, RECEIVERS};
 
 /// Finest lattice of a region, m: below, its points would share their photons.
 const FINEST_M: f64 = 0.01;

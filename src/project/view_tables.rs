@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::rules::Class;
 
-use super::DayEntry;
+use super::tables::DayEntry;
 
 /// `[[view]]`
 #[derive(Clone, Debug, Deserialize, Serialize)]

@@ -7,11 +7,12 @@ use super::{Reader, view_file};
 use crate::base::limits;
 use crate::bsdf::{Bsdf, BsdfFile};
 use crate::glare;
+use crate::project::error::Error;
+use crate::project::manifest::hash_path;
+use crate::project::resolve::{Candidate, Made, PlannedView};
+use crate::project::tables::MaterialTable;
+use crate::project::view_tables::ViewTable;
 use crate::render::{EXACT_BITS, Estimator, Gather, Kernel, Quantity, View};
-use crate::run::Error;
-use crate::run::manifest::hash_path;
-use crate::run::project::{MaterialTable, ViewTable};
-use crate::run::resolve::{Candidate, Made, PlannedView};
 use crate::trace::{self, Receivers};
 
 impl Reader<'_> {

@@ -14,8 +14,8 @@ use glam::DVec3;
 
 use super::error::Error;
 use super::manifest::hash_path;
-use super::project::{self, DayEntry, FileEntry, HorizonEntry, HoursTable, OriginEntry, Project};
 use super::resolve::{MOMENTS, RECEIVERS};
+use super::tables::{DayEntry, FileEntry, HorizonEntry, HoursTable, OriginEntry, Project, PvTable};
 use crate::base::limits;
 use crate::site::{Files, Origin, PvArray, PvSpec, SceneFile, SceneSpec, Season};
 use crate::sky::{DayRange, FarHorizon, HourRange, Irradiance, Place, SunModel, TimeSpec, Weather};
@@ -303,7 +303,7 @@ impl Reader<'_> {
     }
 
     fn arrays(&self) -> Vec<(String, PvArray)> {
-        let array = |t: &project::PvTable| t.array.clone().map(|array| (t.name.clone(), array));
+        let array = |t: &PvTable| t.array.clone().map(|array| (t.name.clone(), array));
         self.project.pv.iter().filter_map(array).collect()
     }
 
@@ -344,7 +344,7 @@ impl Reader<'_> {
     }
 
     pub fn pv(&self) -> Result<Vec<PvSpec>, Error> {
-        let spec = |t: &project::PvTable| {
+        let spec = |t: &PvTable| {
             match (&t.select, &t.array) {
             (Some(select), None) => {
                 let (name, select) = (t.name.clone(), select.clone());

@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 use super::error::Error;
 use super::shard::Shard;
 use crate::base::TileRect;
+use crate::render::HitMap;
 
 /// The names below a project's `run/`. All but [`Folder::root`] are relative to it.
 #[derive(Clone, Debug)]
@@ -97,6 +98,14 @@ impl Folder {
     /// A file of a glare analysis.
     pub fn glare(&self, candidate: &str, view: &str, threshold: f64, name: &str) -> PathBuf {
         self.map(candidate, view, &format!("glare-{threshold}")).join(name)
+    }
+
+    /// What the pixels of a view, or the points of a set, see.
+    ///
+    /// # Errors
+    /// When the file is missing or damaged.
+    pub fn read_hits(&self, view: &str) -> Result<HitMap, Error> {
+        Ok(HitMap::read(&self.at(&self.hits(view)))?.0)
     }
 
     /// Makes the folder that `name` lies in.

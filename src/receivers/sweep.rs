@@ -9,9 +9,9 @@ use serde::Serialize;
 use super::error::Error;
 use super::eyes::{LUMINANCES_CD_M2, sights};
 use super::points::Spreader;
-use super::resolve::Resolved;
 use crate::base::Progress;
 use crate::glare::{Lengths, SpotGlare, spot};
+use crate::project::Resolved;
 use crate::render::Quantity;
 use crate::render::eye::{Eye, EyeMaterial, EyePv, SweepLimits, Sweeper};
 use crate::site::Site;
@@ -89,12 +89,7 @@ pub fn sweep(
     asked: &SweepAsked,
     progress: &dyn Progress,
 ) -> Result<Swept, Error> {
-    let wrong = |message: String| Error::Project {
-        path: resolved.file.clone(),
-        line: 0,
-        column: 0,
-        message,
-    };
+    let wrong = |message: String| Error::from(resolved.mistake(message));
     let step_s = asked.step_s;
     if !(10..=3600).contains(&step_s) || 86_400 % step_s != 0 {
         return Err(wrong(format!(
@@ -186,7 +181,7 @@ fn eyes(
     wrong: &dyn Fn(String) -> Error,
 ) -> Result<Vec<(String, Eye)>, Error> {
     let known = &spreader.resolved.project.observer;
-    let eye = |o: &super::project::ObserverTable| {
+    let eye = |o: &crate::project::ObserverTable| {
         let sensor = spreader.observer(o);
         (o.name.clone(), Eye { position: sensor.position, direction: sensor.normal })
     };
@@ -199,7 +194,7 @@ fn eyes(
         out.push(eye(found));
     }
     for p in &asked.points {
-        let table = super::project::ObserverTable {
+        let table = crate::project::ObserverTable {
             name: format!("{},{},{}", p.x, p.y, p.z),
             point: p.to_array(),
             direction: None,

@@ -6,9 +6,11 @@ use glam::DVec3;
 use serde::{Deserialize, Serialize};
 
 use super::error::Error;
-use super::project::{ObserverTable, RegionTable};
-use super::resolve::{PlannedView, Resolved};
 use crate::base::limits;
+use crate::project;
+use crate::project::Folder;
+use crate::project::{ObserverTable, RegionTable};
+use crate::project::{PlannedView, Resolved};
 use crate::render::samples::{Sample, sample_objects, sample_polygon};
 use crate::render::sensors::{Footing, PvInView, Sensor, place};
 use crate::render::{HitMap, View};
@@ -66,7 +68,7 @@ pub struct PointSet {
 
 impl PointSet {
     /// What a point that stands in free air sees of the PV; `None` for others.
-    pub(super) fn in_air(&self, point: usize) -> Option<Option<PvInView>> {
+    pub fn in_air(&self, point: usize) -> Option<Option<PvInView>> {
         let group = self.groups.iter().rfind(|g| g.first <= point)?;
         let at = point - group.first;
         (group.footing.get(at) == Some(&Footing::Air)).then(|| group.pv.get(at).copied().flatten())
@@ -75,7 +77,7 @@ impl PointSet {
 
 /// Points before they are looked up in the scene.
 #[derive(Debug, Default)]
-pub(super) struct Points {
+pub struct Points {
     pub sensors: Vec<Sensor>,
     pub set: PointSet,
 }
@@ -131,19 +133,14 @@ pub fn receivers(resolved: &Resolved, site: &Site) -> Result<Vec<String>, Error>
 }
 
 /// Turns what the project file says into points in local coordinates.
-pub(super) struct Spreader<'a> {
+pub struct Spreader<'a> {
     pub resolved: &'a Resolved,
     pub site: &'a Site,
 }
 
 impl Spreader<'_> {
     fn wrong(&self, table: &str, name: &str, what: &str) -> Error {
-        Error::Project {
-            path: self.resolved.file.clone(),
-            line: 0,
-            column: 0,
-            message: format!("[[{table}]] \"{name}\": {what}"),
-        }
+        self.resolved.mistake(format!("[[{table}]] \"{name}\": {what}")).into()
     }
 
     fn local(&self, point: DVec3, map: bool) -> DVec3 {
@@ -373,7 +370,7 @@ fn pixels(view: &View, hits: &HitMap, polygon: &[[f64; 2]]) -> Vec<Sample> {
 }
 
 /// Whether a polygon holds a place.
-pub(super) fn holds(polygon: &[[f64; 2]], x: f64, y: f64) -> bool {
+pub fn holds(polygon: &[[f64; 2]], x: f64, y: f64) -> bool {
     let mut odd = false;
     for (at, a) in polygon.iter().enumerate() {
         let b = polygon[(at + 1) % polygon.len()];
@@ -382,4 +379,13 @@ pub(super) fn holds(polygon: &[[f64; 2]], x: f64, y: f64) -> bool {
         }
     }
     odd
+}
+/// The groups of a set, from their file.
+pub fn read_points(folder: &Folder, set: &PlannedView) -> Result<PointSet, Error> {
+    let path = folder.at(&folder.points(&set.name));
+    let text = std::fs::read(&path)
+        .map_err(|source| project::Error::Read { path: path.clone(), source })?;
+    let set = serde_json::from_slice(&text)
+        .map_err(|e| project::Error::Manifest { path, message: e.to_string() })?;
+    Ok(set)
 }

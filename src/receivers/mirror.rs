@@ -1,7 +1,5 @@
 //! The mirror rule for a project: receivers in, tables and a chart out.
 
-mod show;
-
 use std::collections::BTreeMap;
 
 use glam::DVec3;
@@ -9,9 +7,8 @@ use serde::Serialize;
 
 use super::error::Error;
 use super::points::Spreader;
-use super::project::{Ids, RegionTable};
-use super::resolve::Resolved;
 use crate::base::Progress;
+use crate::project::{Ids, ObserverTable, PlannedView, RegionTable, Resolved};
 use crate::render::{
     self, Anywhere, MirrorDay, MirrorReceiver, MirrorRule, MirrorSummary, MirrorTimes, MirrorYear,
 };
@@ -83,7 +80,7 @@ pub struct Assumptions {
     pub note: &'static str,
 }
 
-const NOTE: &str = "point sun, ideal mirror, no intensity, always clear, all PV together; hours are local standard time of the meridian, day 0 is 1 January; terrain, buildings and trees are opaque all year";
+pub const NOTE: &str = "point sun, ideal mirror, no intensity, always clear, all PV together; hours are local standard time of the meridian, day 0 is 1 January; terrain, buildings and trees are opaque all year";
 
 /// One receiver, or a region as a whole.
 #[derive(Clone, Debug, Serialize)]
@@ -209,7 +206,7 @@ pub fn mirror(
 }
 
 fn wrong(resolved: &Resolved, message: String) -> Error {
-    Error::Project { path: resolved.file.clone(), line: 0, column: 0, message }
+    resolved.mistake(message).into()
 }
 
 impl MirrorAsked {
@@ -261,7 +258,7 @@ fn observers(
 ) -> Result<Vec<(String, DVec3)>, Error> {
     let resolved = spreader.resolved;
     let known = &resolved.project.observer;
-    let place = |o: &super::project::ObserverTable| (o.name.clone(), spreader.observer(o).position);
+    let place = |o: &ObserverTable| (o.name.clone(), spreader.observer(o).position);
     let mut out = Vec::new();
     for name in &asked.observers {
         let found = known.iter().find(|o| &o.name == name).ok_or_else(|| {
@@ -335,7 +332,7 @@ impl Teller {
     }
 }
 
-fn date(year: i32, day: u32) -> String {
+pub fn date(year: i32, day: u32) -> String {
     let (month, day) = sky::date_of_day(year, day);
     format!("{month:02}-{day:02}")
 }
@@ -349,7 +346,7 @@ fn region(
     progress: &dyn Progress,
 ) -> Result<MirroredRegion, Error> {
     let trace = &spreader.resolved.trace;
-    let hits = |view: &super::PlannedView| {
+    let hits = |view: &PlannedView| {
         Ok(render::hits(&view.view, spreader.site, trace.max_path_m, trace.seed, progress)?)
     };
     let (samples, notes) = spreader.region(table, &hits, MOST_POINTS)?;

@@ -8,9 +8,11 @@ use serde::Serialize;
 
 use super::error::Error;
 use super::manifest::key_of;
-use super::project::{self, FileEntry, Project};
+use super::read::read;
 use super::reader::Reader;
 use super::set::Assignment;
+use super::tables::{FileEntry, Project};
+use super::view_tables::{ObserverTable, RegionTable};
 use crate::base::Timeline;
 use crate::bsdf::{Bsdf, Model, Side, Spectrum};
 use crate::glare;
@@ -185,7 +187,7 @@ impl Resolved {
     /// # Errors
     /// Any mistake in the project file, with its key; missing input files.
     pub fn read(path: &Path, set: &[Assignment], memory_bytes: u64) -> Result<Self, Error> {
-        let (file, project) = project::read(path, set)?;
+        let (file, project) = read(path, set)?;
         let folder = file.parent().map_or_else(PathBuf::new, Path::to_owned);
         let r = Reader { file: &file, project: &project };
         r.names()?;
@@ -213,6 +215,11 @@ impl Resolved {
             file: file.clone(),
             project,
         })
+    }
+
+    /// A mistake in the project file that shows only once it is put to use.
+    pub fn mistake(&self, message: impl Into<String>) -> Error {
+        Error::Project { path: self.file.clone(), line: 0, column: 0, message: message.into() }
     }
 
     /// The pictures, then the sets of points.
@@ -382,13 +389,10 @@ impl Resolved {
     /// What decides the points of the observers and regions: all but their classes.
     fn receivers_key(&self) -> Result<String, Error> {
         let p = &self.project;
-        let observers: Vec<_> = p
-            .observer
-            .iter()
-            .map(|o| project::ObserverTable { class: None, ..o.clone() })
-            .collect();
+        let observers: Vec<_> =
+            p.observer.iter().map(|o| ObserverTable { class: None, ..o.clone() }).collect();
         let regions: Vec<_> =
-            p.region.iter().map(|r| project::RegionTable { class: None, ..r.clone() }).collect();
+            p.region.iter().map(|r| RegionTable { class: None, ..r.clone() }).collect();
         // Polygons in pictures mean what the pictures see.
         let seen = p
             .region

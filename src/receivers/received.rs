@@ -1,12 +1,10 @@
 //! What arrives at observers, regions and sensors: numbers for verdicts, sentences and charts.
 
-mod told;
-
 use std::collections::BTreeMap;
 
+use super::air::Crossings;
 use super::error::Error;
 use super::points::Group;
-use super::stages::Crossings;
 use crate::base::limits::TILE_EDGE;
 use crate::glare::{Lengths, Run, SpotGlare, margins, runs, spot};
 use crate::pages::{Neighbours, Query, Store};
@@ -14,7 +12,7 @@ use crate::render::HitMap;
 use crate::render::sensors::{Footing, PvInView};
 use crate::volume::{TimeAxis, Volume};
 
-pub use told::{AtThreshold, Banded, Episode, GroupReceived, Received};
+pub use super::year::{AtThreshold, Banded, Episode, GroupReceived, Received};
 
 /// Points of a group whose photons are asked which PV surface sent them.
 const ASKED_POINTS: usize = 12;

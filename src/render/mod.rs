@@ -45,7 +45,7 @@ pub use direct::{
 pub use error::Error;
 pub use estimate::{Estimate, Estimator, Kernel, MIN_COS, MIN_RADIUS_M, estimate};
 pub use fused::Fused;
-pub use gather::{Annual, EXACT_BITS, Gather, annual};
+pub use gather::{Annual, Gather, annual};
 pub use hits::{Hit, HitKind, HitMap, hits};
 pub use mirror::{
     Anywhere, Lit, MirrorDay, MirrorReceiver, MirrorRule, MirrorRun, MirrorSummary, MirrorTimes,

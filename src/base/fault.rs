@@ -1,3 +1,5 @@
+use std::io;
+
 /// What kind of failure an error is. Every room's error enum has `fn kind(&self) -> FaultKind`;
 /// the command line turns it into the exit code.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
@@ -24,6 +26,31 @@ impl FaultKind {
             Self::Damaged => 3,
             Self::Exceeded => 4,
             Self::Interrupted => 130,
+        }
+    }
+    /// What it means that a file can't be read: what was named is no such file (another name, other
+    /// rights, another kind of file), or the system failed.
+    pub fn of_reading(error: &io::Error) -> Self {
+        match error.kind() {
+            io::ErrorKind::NotFound
+            | io::ErrorKind::PermissionDenied
+            | io::ErrorKind::IsADirectory
+            | io::ErrorKind::NotADirectory
+            | io::ErrorKind::InvalidData => Self::Input,
+            _ => Self::Failed,
+        }
+    }
+
+    /// What it means that a file can't be written: its name leads through a file or to something
+    /// that is not ours to write, or the system failed.
+    pub fn of_writing(error: &io::Error) -> Self {
+        match error.kind() {
+            io::ErrorKind::AlreadyExists
+            | io::ErrorKind::NotADirectory
+            | io::ErrorKind::IsADirectory
+            | io::ErrorKind::PermissionDenied
+            | io::ErrorKind::ReadOnlyFilesystem => Self::Input,
+            _ => Self::Failed,
         }
     }
 }

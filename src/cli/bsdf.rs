@@ -4,8 +4,8 @@ use std::path::{Path, PathBuf};
 use serde_json::json;
 
 use super::Context;
+use crate::bsdf::{Account, Error, Fineness, PRESETS, Side, Source, Written};
 use crate::picture::polar::{Curve, Polar, Radius};
-use crate::site::bsdf::{Account, Error, Fineness, PRESETS, Side, Source, Written};
 
 /// What BSDF files, presets and goniophotometer data hold; plots of them; writes BSDF files
 #[derive(Debug, clap::Args)]

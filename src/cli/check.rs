@@ -5,7 +5,10 @@ use serde_json::json;
 
 use super::Context;
 use crate::base::limits::MAX_FINDINGS_SHOWN;
-use crate::run::{self, Assignment, Resolved, receivers};
+use crate::project::Assignment;
+use crate::project::Resolved;
+use crate::receivers::points::receivers;
+use crate::run;
 use crate::site::{self, check};
 
 /// Read all inputs and say what was understood and what looks wrong, without running
@@ -39,6 +42,9 @@ pub(super) fn run(arguments: &Arguments, context: &Context) -> anyhow::Result<()
     for line in &receivers {
         let _ = writeln!(text, "{line}");
     }
+    for note in &resolved.notes {
+        let _ = writeln!(text, "note: {note}");
+    }
     for candidate in &resolved.candidates {
         for note in &candidate.notes {
             let _ = writeln!(text, "note: {}: {note}", candidate.name);
@@ -57,6 +63,7 @@ pub(super) fn run(arguments: &Arguments, context: &Context) -> anyhow::Result<()
         "materials": names,
         "receivers": receivers,
         "plan": plan.ok(),
+        "notes": resolved.notes,
         "findings": site.findings,
     });
     context.print(&document, &text)

@@ -4,7 +4,11 @@ use std::path::PathBuf;
 use clap::builder::{PossibleValuesParser, TypedValueParser};
 
 use super::Context;
-use crate::run::{self, Assignment, Cleaned, Part, Resolved, bytes_in_words};
+use crate::project::Assignment;
+use crate::project::Resolved;
+use crate::run;
+use crate::run::bytes_in_words;
+use crate::run::{Cleaned, Part};
 
 /// Show the disk use of a project's results, stage by stage, and remove what can be made again
 ///

@@ -4,7 +4,7 @@ use clap::builder::{PossibleValuesParser, TypedValueParser};
 
 use super::Context;
 use super::run::{How, go};
-use crate::run::{self, Quality};
+use crate::project::{self, Quality};
 
 /// Write the built-in case study into a folder and run it to the pictures; again, it resumes
 #[derive(Debug, clap::Args)]
@@ -29,6 +29,6 @@ fn quality() -> impl TypedValueParser<Value = Quality> {
 }
 
 pub(super) fn run(arguments: &Arguments, context: &Context) -> anyhow::Result<()> {
-    let demo = run::demo(&arguments.dir, arguments.quality)?;
+    let demo = project::demo(&arguments.dir, arguments.quality)?;
     go(&demo.folder, &arguments.how, context)
 }

@@ -6,8 +6,9 @@ use glintmap_formats::seal;
 
 use super::Context;
 use super::mirror::{point, seconds};
-use crate::run::sweep::{SweepAsked, Swept, sweep};
-use crate::run::{Assignment, Resolved};
+use crate::project::Assignment;
+use crate::project::Resolved;
+use crate::receivers::sweep::{SweepAsked, Swept, sweep};
 
 /// A year of observers' eyes to the minute: how long the PV is above an irradiance or a luminance
 #[derive(Debug, clap::Args)]
@@ -65,7 +66,7 @@ pub(super) fn run(arguments: &Arguments, context: &Context) -> anyhow::Result<()
     let found = sweep(&resolved, &asked, context.progress())?;
     if let Some(path) = &arguments.csv {
         seal::write_bytes(path, found.daily_csv().as_bytes())
-            .map_err(|source| crate::run::Error::Write { path: path.clone(), source })?;
+            .map_err(|source| crate::project::Error::Write { path: path.clone(), source })?;
     }
     context.print(&found, &told(&found))
 }

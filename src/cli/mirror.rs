@@ -5,8 +5,9 @@ use glam::DVec3;
 use glintmap_formats::seal;
 
 use super::Context;
-use crate::run::mirror::{MirrorAsked, Mirrored, MirroredAt, mirror};
-use crate::run::{Assignment, Resolved};
+use crate::project::Assignment;
+use crate::project::Resolved;
+use crate::receivers::mirror::{MirrorAsked, Mirrored, MirroredAt, mirror};
 
 /// The authorities' mirror rule: at this window, when and for how long?
 #[derive(Debug, clap::Args)]
@@ -110,7 +111,7 @@ pub(super) fn run(arguments: &Arguments, context: &Context) -> anyhow::Result<()
     let tables = [(&arguments.csv, found.daily_csv()), (&arguments.points_csv, found.points_csv())];
     for (path, text) in tables.iter().filter_map(|(path, text)| Some((path.as_ref()?, text))) {
         seal::write_bytes(path, text.as_bytes())
-            .map_err(|source| crate::run::Error::Write { path: path.clone(), source })?;
+            .map_err(|source| crate::project::Error::Write { path: path.clone(), source })?;
     }
     if let Some(path) = &arguments.plot {
         found.write_charts(&resolved, path)?;

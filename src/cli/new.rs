@@ -5,7 +5,8 @@ use anyhow::Context as _;
 use serde_json::json;
 
 use super::Context;
-use crate::run::{self, NewScene, SiteAt};
+use crate::project::{self, NewScene, SiteAt};
+use crate::run;
 use crate::site::{SceneFile, Select, check};
 
 /// Write a project for a site of one's own, with a plan view and a panorama that fit
@@ -89,7 +90,7 @@ pub(super) fn run(arguments: &Arguments, context: &Context) -> anyhow::Result<()
         meridian: arguments.meridian,
     };
     let folder = arguments.dir.display();
-    let loaded = run::create(&arguments.dir, &scene(arguments)?, &at)
+    let loaded = project::create(&arguments.dir, &scene(arguments)?, &at)
         .with_context(|| format!("no project was written into {folder}"))?;
     let summary = check::summarise_loaded(&loaded);
     let name = arguments.dir.file_name().unwrap_or_default().to_string_lossy();

@@ -2,7 +2,9 @@ use std::fmt::Write as _;
 use std::path::PathBuf;
 
 use super::{Context, size};
-use crate::run::{Assignment, Estimate, Resolved, bytes_in_words, estimate};
+use crate::project::Assignment;
+use crate::project::Resolved;
+use crate::run::{Estimate, bytes_in_words, estimate};
 
 /// Say what a run will cost, stage by stage, before an hour is spent; nothing is written. What
 /// doesn't fit on the disk is refused
@@ -21,6 +23,9 @@ pub(super) struct Arguments {
 
 pub(super) fn run(arguments: &Arguments, context: &Context) -> anyhow::Result<()> {
     let resolved = Resolved::read(&arguments.project, &arguments.set, arguments.memory)?;
+    for note in &resolved.notes {
+        context.progress().say(&format!("warning: {note}"));
+    }
     let estimate = estimate(&resolved, arguments.memory)?;
     context.print(&estimate, &table(&estimate))?;
     Ok(estimate.refuse_full_disk()?)

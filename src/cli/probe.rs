@@ -4,8 +4,9 @@ use std::path::PathBuf;
 use glam::DVec3;
 
 use super::Context;
-use crate::run::probe::{Probed, Spot, probe};
-use crate::run::{Assignment, Resolved};
+use crate::project::Assignment;
+use crate::project::Resolved;
+use crate::receivers::probe::{Probed, Spot, probe};
 
 /// Look at one spot: annual values, days, times, irradiance over time, which PV surface
 #[derive(Debug, clap::Args)]

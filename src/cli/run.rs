@@ -4,8 +4,12 @@ use std::path::{Path, PathBuf};
 use clap::builder::{PossibleValuesParser, TypedValueParser};
 
 use super::{Context, size};
-use crate::glare::rules::Outcome;
-use crate::run::{self, Assignment, Options, Resolved, Shard, Stage, Summary};
+use crate::project::Assignment;
+use crate::project::Resolved;
+use crate::project::Shard;
+use crate::rules::Outcome;
+use crate::run;
+use crate::run::{Options, Stage, Summary};
 
 /// Run what is missing or out of date, resume what was interrupted
 #[derive(Debug, clap::Args)]

@@ -2,8 +2,9 @@ use std::fmt::Write as _;
 use std::path::PathBuf;
 
 use super::Context;
+use crate::project::Assignment;
+use crate::project::Resolved;
 use crate::run::replay::{Replayed, replay};
-use crate::run::{Assignment, Resolved};
 
 /// Follow one photon of a run from the sun to its end, in words
 #[derive(Debug, clap::Args)]

@@ -3,7 +3,8 @@ use std::path::{Path, PathBuf};
 use super::{Context, ours};
 use crate::base::limits::MAX_FINDINGS_SHOWN;
 use crate::pages;
-use crate::run::{self, Resolved};
+use crate::project::Resolved;
+use crate::run;
 use crate::volume::Volume;
 
 /// Check every checksum of a file of glintmap's own, or of a whole project, and list what is wrong

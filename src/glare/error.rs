@@ -121,22 +121,6 @@ pub enum Error {
         /// What is left for them, MiB.
         allowed_mib: u64,
     },
-    /// A rule profile can't be understood.
-    #[error("rule profile {name}: {message}")]
-    Rules {
-        /// The profile's file or id.
-        name: String,
-        /// What is wrong, with line and column where known.
-        message: String,
-    },
-    /// No profile has this id.
-    #[error("there is no rule profile {name:?}; known are {known}")]
-    UnknownRules {
-        /// What was asked for.
-        name: String,
-        /// The ids that exist.
-        known: String,
-    },
     /// The volume can't be read.
     #[error(transparent)]
     Read(#[from] ReadFailure),

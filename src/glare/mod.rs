@@ -8,53 +8,28 @@
 //!
 #![doc = include_str!("../docs/glare.md")]
 //!
-//! [`Slices`] → `smooth` → `threshold` → `label` → `duration`, `event`; `rules` judge.
+//! [`Slices`] → `smooth` → `threshold` → `label` → `duration`, `event`.
 
-mod counts;
-mod duration;
 mod error;
-mod event;
-mod events;
-mod kernel;
-mod label;
-mod lengths;
-mod paged;
-mod passes;
+pub mod events;
+pub mod filter;
 mod plan;
 mod regular;
-pub mod rules;
-mod runs;
 mod session;
 mod settings;
-mod sheet;
-mod slab;
 mod slices;
-mod smooth;
-mod spot;
 mod stream;
-mod strip;
-mod threshold;
 mod tile_batch;
-mod track;
-mod vector;
-mod wave;
-mod window;
-mod year;
-mod year_tiles;
+pub mod year;
 
 pub use error::Error;
-pub use event::Event;
-pub use events::Events;
-pub use kernel::Kernel;
-pub use lengths::Lengths;
+pub use events::{Event, Events, write_events};
+pub use filter::Kernel;
 pub use plan::Plan;
 pub use regular::Regular;
 pub use session::Session;
 pub use settings::{Connectivity, Settings};
-pub use sheet::write_events;
 pub use slices::{Calendar, ReadFailure, Slices};
-pub use spot::{Run, SpotGlare, margins, runs, spot};
 pub use stream::{Analysis, Filtered, analyse, analyse_planned, plan};
 pub use tile_batch::TileBatch;
-pub use year::{YearMap, YearRows, year};
-pub use year_tiles::YearTiles;
+pub use year::{Lengths, Run, SpotGlare, YearMap, YearRows, YearTiles, margins, runs, spot, year};

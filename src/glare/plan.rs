@@ -1,10 +1,10 @@
-use super::counts::Counts;
-use super::duration::Durations;
 use super::error::Error;
+use super::events::duration::Durations;
+use super::filter::smooth::Smoother;
+use super::filter::wave::STRIP_ROWS;
 use super::settings::Settings;
-use super::smooth::Smoother;
 use super::stream::checked;
-use super::wave::STRIP_ROWS;
+use super::year::counts::Counts;
 use crate::base::limits::TILE_EDGE;
 
 /// Timesteps that are filtered together: each slice of the window is then fetched from memory

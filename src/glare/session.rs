@@ -2,18 +2,18 @@ use std::ops::Range;
 
 use rayon::prelude::*;
 
-use super::counts::Counts;
 use super::error::Error;
-use super::passes::{Pass, Passes};
+use super::events::slab::Slab;
+use super::events::track::Tracker;
+use super::filter::passes::{Pass, Passes};
+use super::filter::smooth::{Part, Smoother};
+use super::filter::wave::{STRIP_ROWS, Scratch, Wave};
+use super::filter::window::{Block, Window};
 use super::plan::Plan;
 use super::settings::Settings;
-use super::slab::Slab;
 use super::slices::{Calendar, Slices};
-use super::smooth::{Part, Smoother};
 use super::stream::{Analysis, Filtered, checked};
-use super::track::Tracker;
-use super::wave::{STRIP_ROWS, Scratch, Wave};
-use super::window::{Block, Window};
+use super::year::counts::Counts;
 use crate::base::limits::TILE_EDGE;
 use crate::base::{Grid, Progress};
 

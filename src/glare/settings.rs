@@ -1,7 +1,7 @@
 use std::path::PathBuf;
 
 use super::error::Error;
-use super::kernel::Kernel;
+use super::filter::kernel::Kernel;
 
 /// Which voxels are neighbours.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]

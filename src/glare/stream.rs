@@ -2,7 +2,7 @@ use std::io;
 use std::ops::Range;
 
 use super::error::Error;
-use super::events::Events;
+use super::events::list::Events;
 use super::plan::Plan;
 use super::session::Session;
 use super::settings::Settings;

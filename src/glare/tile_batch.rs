@@ -13,7 +13,7 @@ const MAX_BATCH: usize = (1 << 32) / TILE;
 const _: () = assert!(TILE.is_power_of_two() && MAX_BATCH < MAX_TIMESTEPS);
 
 /// The time series of some whole segments in memory, tile by tile as a renderer delivers it: what
-/// stands between `render` and [`Session`](super::Session) where no series is kept on disk. It
+/// stands between `render` and [`Session`](super::session::Session) where no series is kept on disk. It
 /// takes 8 bytes for each number that isn't 0.
 ///
 /// Timesteps are counted from the beginning of the year, not of the batch: entries that are put

@@ -8,51 +8,19 @@
 #![doc = ""]
 #![doc = include_str!("../docs/estimators.md")]
 
-mod background;
-mod candidates;
-mod confidence;
-mod direct;
-mod error;
-mod estimate;
-pub mod eye;
-mod facet;
-mod fixed;
-mod fused;
-mod gather;
-mod hits;
-mod loaded;
-mod lobe;
-mod mirror;
-pub mod moment;
-mod order;
-mod palette;
-mod passed;
-mod reflect;
-pub mod samples;
-mod seen;
-pub mod sensors;
-mod series;
-mod share;
-mod surfaces;
-mod view;
-mod view_options;
+pub mod gather;
+pub mod paint;
+pub mod reflect;
+pub mod view;
 
-pub use background::{background, representative_suns};
-pub use confidence::{DECIDED, undecided};
-pub use direct::{
-    Direct, DirectScene, DirectScratch, DirectSinks, DirectSummary, DirectYear, FusedDirect,
-    PvSight, TileYear, direct_series,
+pub use gather::{
+    Annual, DECIDED, Estimate, Estimator, Fused, Gather, Kernel, MIN_COS, MIN_RADIUS_M, Passed,
+    PassedSeries, Quantity, Series, SeriesSummary, Surfaces, annual, estimate, series, undecided,
 };
-pub use error::Error;
-pub use estimate::{Estimate, Estimator, Kernel, MIN_COS, MIN_RADIUS_M, estimate};
-pub use fused::Fused;
-pub use gather::{Annual, EXACT_BITS, Gather, annual};
-pub use hits::{Hit, HitKind, HitMap, hits};
-pub use mirror::{
-    Anywhere, Lit, MirrorDay, MirrorReceiver, MirrorRule, MirrorRun, MirrorSummary, MirrorTimes,
-    MirrorYear, SEPARATION_DEG,
+pub use paint::{background, moment, representative_suns};
+pub use reflect::{
+    Anywhere, Direct, DirectScene, DirectScratch, DirectSinks, DirectSummary, DirectYear,
+    FusedDirect, Lit, MirrorDay, MirrorReceiver, MirrorRule, MirrorRun, MirrorSummary, MirrorTimes,
+    MirrorYear, PvSight, SEPARATION_DEG, TileYear, direct_series, eye,
 };
-pub use passed::{Passed, PassedSeries};
-pub use series::{Quantity, Series, SeriesSummary, series};
-pub use surfaces::Surfaces;
-pub use view::{Projection, View, ViewRay};
+pub use view::{Error, Hit, HitKind, HitMap, Projection, View, ViewRay, hits, samples, sensors};

@@ -10,12 +10,12 @@ use serde::Serialize;
 
 use super::error::Error;
 use super::estimate::used_bytes;
-use super::folder::Folder;
 use super::job::Stage;
-use super::manifest::Manifest;
-use super::resolve::Resolved;
 use super::stages::AIR_SPILL;
 use super::units::{stage_of, units};
+use crate::project::Folder;
+use crate::project::Manifest;
+use crate::project::Resolved;
 
 /// What a file or folder below `run/` belongs to.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]

@@ -2,29 +2,20 @@ use std::io;
 use std::path::PathBuf;
 
 use crate::base::{FaultKind, Interrupted};
-use crate::{glare, pages, picture, render, site, sky, trace, volume};
+use crate::{glare, pages, picture, project, receivers, render, report, site, sky, trace, volume};
 
 /// Why a run could not go on.
 #[derive(Debug, thiserror::Error)]
 pub enum Error {
-    /// The project file has a mistake.
-    #[error("{}{}: {message}", path.display(), at(*line, *column))]
-    Project {
-        /// The project file.
-        path: PathBuf,
-        /// From 1; 0 where it is about no single line.
-        line: usize,
-        /// From 1.
-        column: usize,
-        /// What was expected, what was found, what to do.
-        message: String,
-    },
-    /// There is no project.
-    #[error("{}: there is no such project; expected a folder with a project.toml, or that file (`glintmap new` and `glintmap demo` make one)", path.display())]
-    NoProject {
-        /// The project file that was looked for.
-        path: PathBuf,
-    },
+    /// From the room `project`.
+    #[error(transparent)]
+    Project(#[from] project::Error),
+    /// From the room `receivers`.
+    #[error(transparent)]
+    Receivers(#[from] receivers::Error),
+    /// From the room `report`.
+    #[error(transparent)]
+    Report(#[from] report::Error),
     /// A file can't be read.
     #[error("can't read {}", path.display())]
     Read {
@@ -48,18 +39,6 @@ pub enum Error {
         path: PathBuf,
         /// What is wrong with it.
         message: String,
-    },
-    /// There is something in the way that would be lost.
-    #[error("{} is there already and would be overwritten; name an empty or a new folder", path.display())]
-    InTheWay {
-        /// The folder or file.
-        path: PathBuf,
-    },
-    /// Another process works in the same run folder.
-    #[error("{} is in use by another glintmap; wait for it or stop it", path.display())]
-    Busy {
-        /// The lock file.
-        path: PathBuf,
     },
     /// A full disk, foreseen.
     #[error("this run is expected to need {needed} on disk, {free} are free at {}; {remedy}", path.display())]
@@ -106,14 +85,6 @@ pub enum Error {
     /// From the room `site`.
     #[error(transparent)]
     Site(#[from] site::Error),
-    /// From the room `site`, about a material.
-    #[error("material `{name}`")]
-    Material {
-        /// The material's name.
-        name: String,
-        /// What is wrong.
-        source: site::bsdf::Error,
-    },
     /// From the room `sky`.
     #[error(transparent)]
     Sky(#[from] sky::Error),
@@ -144,42 +115,16 @@ impl Error {
     /// What kind of failure it is.
     pub fn kind(&self) -> FaultKind {
         match self {
-            Self::Project { .. } | Self::NoProject { .. } => FaultKind::Input,
-            Self::InTheWay { .. } | Self::NotMade { .. } => FaultKind::Input,
-            Self::Shards { .. } | Self::Unsupported(_) | Self::Material { .. } => FaultKind::Input,
-            // What was named can't be read: another name, other rights, another kind of file.
-            Self::Read { source, .. }
-                if matches!(
-                    source.kind(),
-                    io::ErrorKind::NotFound
-                        | io::ErrorKind::PermissionDenied
-                        | io::ErrorKind::IsADirectory
-                        | io::ErrorKind::NotADirectory
-                        | io::ErrorKind::InvalidData
-                ) =>
-            {
-                FaultKind::Input
-            }
-            // The name leads through a file, or to something that is not ours to write.
-            Self::Write { source, .. }
-                if matches!(
-                    source.kind(),
-                    io::ErrorKind::AlreadyExists
-                        | io::ErrorKind::NotADirectory
-                        | io::ErrorKind::IsADirectory
-                        | io::ErrorKind::PermissionDenied
-                        | io::ErrorKind::ReadOnlyFilesystem
-                ) =>
-            {
-                FaultKind::Input
-            }
-            Self::Read { .. } | Self::Write { .. } | Self::Io(_) | Self::Npy(_) => {
-                FaultKind::Failed
-            }
+            Self::NotMade { .. } | Self::Shards { .. } | Self::Unsupported(_) => FaultKind::Input,
+            Self::Read { source, .. } => FaultKind::of_reading(source),
+            Self::Write { source, .. } => FaultKind::of_writing(source),
+            Self::Io(_) | Self::Npy(_) | Self::Disk { .. } => FaultKind::Failed,
             Self::Exceeded(_) => FaultKind::Exceeded,
-            Self::Busy { .. } | Self::Disk { .. } => FaultKind::Failed,
             Self::Manifest { .. } => FaultKind::Damaged,
             Self::Interrupted(_) => FaultKind::Interrupted,
+            Self::Project(e) => e.kind(),
+            Self::Receivers(e) => e.kind(),
+            Self::Report(e) => e.kind(),
             Self::Site(e) => e.kind(),
             Self::Sky(e) => e.kind(),
             Self::Trace(e) => e.kind(),
@@ -190,8 +135,4 @@ impl Error {
             Self::Picture(e) => e.kind(),
         }
     }
-}
-
-fn at(line: usize, column: usize) -> String {
-    if line == 0 { String::new() } else { format!(":{line}:{column}") }
 }

@@ -10,15 +10,15 @@ use serde_json::Value;
 
 use super::clean::{lies_inside, remove};
 use super::error::Error;
-use super::folder::Folder;
 use super::log::Log;
-use super::manifest::Manifest;
-use super::resolve::Resolved;
-use super::shard::Shard;
 use super::stages::Judgement;
 use super::units::{Planned, units};
 use crate::base::{Finding, Progress, Provenance, Severity, Timeline};
 use crate::pages::CacheStats;
+use crate::project::Folder;
+use crate::project::Manifest;
+use crate::project::Resolved;
+use crate::project::Shard;
 use crate::site::Site;
 
 /// The stages of a run, in their order.

@@ -8,9 +8,9 @@ use std::time::Instant;
 use serde_json::{Value, json};
 
 use super::error::Error;
-use super::folder::Folder;
 use super::job::Options;
 use crate::base::{Interrupted, Progress, Provenance};
+use crate::project::Folder;
 
 /// The log of one command: one JSON object a line in `run/log/run.jsonl`.
 #[derive(Clone)]

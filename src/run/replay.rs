@@ -4,11 +4,11 @@ use std::fs;
 
 use serde::Serialize;
 
-use super::clock::Clock;
 use super::error::Error;
-use super::folder::Folder;
-use super::resolve::Resolved;
 use super::stages::Traced;
+use crate::project::Folder;
+use crate::project::Resolved;
+use crate::receivers::clock::Clock;
 use crate::site::Site;
 use crate::sky;
 use crate::trace::{Emission, Retold, Tracer};
@@ -44,16 +44,11 @@ pub fn replay(resolved: &Resolved, material: Option<&str>, number: u64) -> Resul
     };
     let candidate = found.ok_or_else(|| {
         let known: Vec<_> = resolved.candidates.iter().map(|c| c.name.as_str()).collect();
-        Error::Project {
-            path: resolved.file.clone(),
-            line: 0,
-            column: 0,
-            message: format!(
-                "no material or case is named \"{}\" (there are: {})",
-                material.unwrap_or_default(),
-                known.join(", ")
-            ),
-        }
+        resolved.mistake(format!(
+            "no material or case is named \"{}\" (there are: {})",
+            material.unwrap_or_default(),
+            known.join(", ")
+        ))
     })?;
     let folder = Folder::new(resolved.run_folder());
     let path = folder.at(&folder.tally(&candidate.name));

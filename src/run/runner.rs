@@ -1,13 +1,13 @@
 //! Runs what is missing or out of date, in the order of the stages.
 
 use super::error::Error;
-use super::estimate;
-use super::folder::Folder;
+use super::estimate::refuse_full_disk;
 use super::job::{Job, Options, Stage, Summary};
 use super::log::{Log, Logged};
-use super::resolve::Resolved;
 use super::stages;
 use crate::base::Progress;
+use crate::project::Folder;
+use crate::project::Resolved;
 
 /// Runs a project's stages up to `options.until`.
 ///
@@ -33,7 +33,8 @@ pub fn run(
 }
 
 fn stages_of(job: &mut Job<'_>) -> Result<(), Error> {
-    estimate::refuse_full_disk(job)?;
+    job.resolved.notes.iter().for_each(|note| job.warn(note.clone()));
+    refuse_full_disk(job)?;
     // Mistakes in the scene come up before anything is made.
     if job.has_to_read_the_scene()? {
         job.site()?;

@@ -9,11 +9,10 @@ use super::error::Error;
 use crate::base::Grid;
 use crate::picture::figure::{Marker, Polyline};
 use crate::picture::{Figure, Scale};
+use crate::project::PLAN_FILE;
 use crate::site::check::Summary;
 use crate::site::{Site, tilt_deg};
 
-/// Where the plan lies, in the project's folder.
-pub(super) const PLAN_FILE: &str = "site.png";
 /// Edge of the plan, pixels.
 const EDGE: usize = 700;
 /// How far around the PV it reaches at least, and at most, m.

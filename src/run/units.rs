@@ -3,9 +3,9 @@
 
 use super::error::Error;
 use super::job::Stage;
-use super::manifest::{Manifest, key_of};
-use super::resolve::Resolved;
 use super::stages;
+use crate::project::Resolved;
+use crate::project::{Manifest, key_of};
 
 /// A unit of work that the plan asks for.
 #[derive(Clone, Debug)]
@@ -55,7 +55,7 @@ pub fn units(resolved: &Resolved) -> Result<Vec<Planned>, Error> {
             let render = resolved.render_key(candidate, view)?;
             for &threshold in &resolved.project.glare.thresholds_w_m2 {
                 let unit = format!("glare {} {} {threshold}", candidate.name, view.name);
-                add(Stage::Glare, unit, Some(resolved.glare_key(&render, threshold)?));
+                add(Stage::Glare, unit, Some(resolved.glare_key(candidate, view, threshold)?));
             }
             if view.points.is_some() {
                 let unit = stages::received_unit(candidate, view);

@@ -5,11 +5,11 @@ use std::path::Path;
 use glintmap_formats::hits;
 
 use super::error::Error;
-use super::folder::Folder;
-use super::manifest::{Manifest, hash_path};
-use super::resolve::Resolved;
 use crate::base::{FaultKind, Progress};
 use crate::pages;
+use crate::project::Folder;
+use crate::project::Resolved;
+use crate::project::{Manifest, hash_path};
 use crate::volume::Volume;
 
 /// Checks every output that the manifest names, and every checksum inside our own files. What is

@@ -9,7 +9,6 @@
 //! [`local_from_map`].
 
 mod array;
-pub mod bsdf;
 mod build;
 mod bvh;
 pub mod check;

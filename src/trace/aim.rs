@@ -5,7 +5,7 @@ use glam::DVec3;
 
 use super::emitter::{Emitter, Pieces};
 use super::horizon::Horizon;
-use crate::site::bsdf::{Chart, Cone, Square};
+use crate::bsdf::{Chart, Cone, Square};
 
 /// Squares that an emitter's lobes are cut into for one sun, at most.
 const MOST_SQUARES: usize = 1024;
@@ -101,7 +101,7 @@ fn upright() -> Cone {
 impl Ground {
     /// Cuts the lobes whose bounds are products, see [`Bsdf::scale`].
     ///
-    /// [`Bsdf::scale`]: crate::site::bsdf::Bsdf::scale
+    /// [`Bsdf::scale`]: crate::bsdf::Bsdf::scale
     pub(super) fn of(emitter: &Emitter, horizon: Option<&Horizon>, budget: usize) -> Self {
         let Some(horizon) = horizon.filter(|_| budget > 0) else { return Self::default() };
         let from = upright();

@@ -1,7 +1,7 @@
 use glam::DVec3;
 
 use crate::base::Frame;
-use crate::site::bsdf::{Cone, on_circle};
+use crate::bsdf::{Cone, on_circle};
 
 /// The sun's disc: a cone of directions around the sun's centre.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -1,7 +1,7 @@
 use super::Error;
 use crate::base::{Timeline, limits};
+use crate::bsdf::Bsdf;
 use crate::site::Site;
-use crate::site::bsdf::Bsdf;
 
 /// Where photons are kept.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]

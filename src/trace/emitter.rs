@@ -2,8 +2,8 @@ use glam::{DVec3, Vec3};
 
 use super::clip::Polygon;
 use crate::base::{Frame, Stream};
+use crate::bsdf::Bsdf;
 use crate::site::Site;
-use crate::site::bsdf::Bsdf;
 
 /// Pieces that an emitter is cut into, at most: each has a bit in a [`Pieces`].
 pub(super) const MOST_PIECES: usize = 128;

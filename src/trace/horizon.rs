@@ -4,8 +4,8 @@ use super::emitter::{Emitter, Piece, Pieces, reach_m};
 use super::reach::Reach;
 use super::skyline::{Column, Skyline};
 use crate::base::Gate;
+use crate::bsdf::Cone;
 use crate::site::Site;
-use crate::site::bsdf::Cone;
 
 /// Directions of the compass that are told apart.
 pub(super) const BINS: usize = 512;

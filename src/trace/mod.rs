@@ -25,7 +25,7 @@
 //!
 //! [`Fate::Escaped`]: crate::base::Fate::Escaped
 //! [`Fate::NotSampled`]: crate::base::Fate::NotSampled
-//! [`Chart`]: crate::site::bsdf::Chart
+//! [`Chart`]: crate::bsdf::Chart
 
 mod aim;
 mod batch;

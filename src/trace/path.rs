@@ -48,7 +48,7 @@ struct Path {
     fate: Fate,
     /// Unit vector to the point of the sun's disc that it came from.
     to_sun: DVec3,
-    /// See [`crate::site::bsdf::Scattered`].
+    /// See [`crate::bsdf::Scattered`].
     weight: f64,
     /// Flux that left the PV, W.
     left_w: f64,

@@ -7,7 +7,7 @@ use super::emitter::Emitter;
 use super::horizon::Horizon;
 use super::yields::Yields;
 use crate::base::{Frame, Timeline};
-use crate::site::bsdf::Cone;
+use crate::bsdf::Cone;
 
 /// What light is drawn from.
 pub(super) struct Sources<'a> {

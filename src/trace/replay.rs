@@ -3,7 +3,7 @@ use serde::Serialize;
 use super::path::{Draw, Tracer};
 use super::{Error, Plan};
 use crate::base::{Fate, Purpose};
-use crate::site::bsdf::Chart;
+use crate::bsdf::Chart;
 
 /// One photon's path, retold.
 #[derive(Clone, Debug, PartialEq, Serialize)]

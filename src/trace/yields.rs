@@ -3,7 +3,7 @@ use glam::DVec3;
 use super::disc::Disc;
 use super::emitter::Emitter;
 use crate::base::Frame;
-use crate::site::bsdf::Bsdf;
+use crate::bsdf::Bsdf;
 
 /// Degrees between the angles that a reflectance is tabulated at.
 const STEP_DEG: f64 = 1.5;

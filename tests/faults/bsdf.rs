@@ -4,7 +4,7 @@ use std::time::{Duration, Instant};
 
 use glam::DVec3;
 use glintmap::base::{Purpose, Stream};
-use glintmap::site::bsdf::{BsdfFile, Goniophotometer, Side, Way};
+use glintmap::bsdf::{BsdfFile, Goniophotometer, Side, Way};
 use glintmap::sky::Weather;
 
 use super::site_formats::fuzz::{damage, executions};

@@ -7,7 +7,7 @@ use std::process::Command;
 
 use glam::DVec3;
 use glintmap::base::{Purpose, Stream};
-use glintmap::site::bsdf::{
+use glintmap::bsdf::{
     Bsdf, BsdfFile, Fineness, Goniophotometer, Model, Preset, Side, Spectrum, Way, on_hemisphere,
     write, write_points,
 };

@@ -6,10 +6,10 @@ use std::process::{Command, Stdio};
 
 use glam::DVec3;
 use glintmap::base::Silent;
+use glintmap::bsdf::Bsdf;
+use glintmap::project::Resolved;
 use glintmap::render::{Direct, DirectScene, DirectScratch, DirectYear, PvSight};
-use glintmap::run::Resolved;
 use glintmap::site::Site;
-use glintmap::site::bsdf::Bsdf;
 use glintmap::sky;
 use serde_json::json;
 

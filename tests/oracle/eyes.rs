@@ -4,8 +4,8 @@ use std::path::Path;
 use std::process::Command;
 
 use glam::DVec3;
+use glintmap::project::Resolved;
 use glintmap::render::eye::{Eye, EyeMaterial, EyePv, Glint, SunAt};
-use glintmap::run::Resolved;
 use glintmap::site::Site;
 
 use crate::support::program::{project, succeed};

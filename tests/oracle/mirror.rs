@@ -6,8 +6,8 @@ use std::f64::consts::PI;
 
 use glam::DVec3;
 use glintmap::base::Silent;
+use glintmap::project::Resolved;
 use glintmap::render::{MirrorReceiver, MirrorRule, MirrorTimes, SEPARATION_DEG};
-use glintmap::run::Resolved;
 use glintmap::site::Site;
 
 use crate::support::program::{project, root, say, succeed};

@@ -6,7 +6,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-use glintmap::site::bsdf::Model;
+use glintmap::bsdf::Model;
 use glintmap::trace::Emission;
 
 use crate::physics::trace::{Scene, bsdf, horizontal, settings, sun, timeline, trace, wall};

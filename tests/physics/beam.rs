@@ -6,9 +6,9 @@ use std::sync::Mutex;
 
 use glam::{DVec3, Vec3};
 use glintmap::base::{Grid, SeriesEntry, Silent, SinkError, TileRect, TileSink, Timeline};
+use glintmap::bsdf::{Bsdf, Model};
 use glintmap::pages::{self, About, Access, OpenOptions, Spill, Store};
 use glintmap::render::{self, Gather, Hit, HitKind, HitMap, Quantity};
-use glintmap::site::bsdf::{Bsdf, Model};
 use glintmap::site::{Face, Material, Object, PvSurface, Site, Triangle};
 use glintmap::trace::{self, Emission, Receivers, Settings};
 

@@ -2,7 +2,7 @@
 
 use glam::DVec3;
 use glintmap::base::{Purpose, Stream};
-use glintmap::site::bsdf::{Bsdf, Error, Model, fresnel_reflectance};
+use glintmap::bsdf::{Bsdf, Error, Model, fresnel_reflectance};
 
 pub(super) fn from_degrees(theta: f64, phi: f64) -> DVec3 {
     let (theta, phi) = (theta.to_radians(), phi.to_radians());

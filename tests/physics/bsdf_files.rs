@@ -4,7 +4,7 @@ use std::fmt::Write as _;
 
 use glam::DVec3;
 use glintmap::base::{Purpose, Stream};
-use glintmap::site::bsdf::{Bsdf, BsdfFile, KlemsBasis, Side, on_hemisphere};
+use glintmap::bsdf::{Bsdf, BsdfFile, KlemsBasis, Side, on_hemisphere};
 
 use crate::support;
 

@@ -5,7 +5,7 @@ use std::fmt::Write as _;
 
 use glam::DVec3;
 use glintmap::base::{Purpose, Stream};
-use glintmap::site::bsdf::{Bsdf, Coating, Error, Model, PRESETS, Part, fresnel_reflectance};
+use glintmap::bsdf::{Bsdf, Coating, Error, Model, PRESETS, Part, fresnel_reflectance};
 
 use super::bsdf::{SAMPLES, chi_square_limit, draws, from_degrees, pv_glass, sampling_error};
 
@@ -194,7 +194,7 @@ fn what_one_facet_leaves_out_is_as_little_as_said() {
         assert!(all / single - 1.0 < most, "{alpha} at {degrees}: {single} of {all}");
     }
     // Metal loses much more, and gets it back.
-    let aluminium = |cos: f64| glintmap::site::bsdf::metal_reflectance(cos, 0.96, 6.69);
+    let aluminium = |cos: f64| glintmap::bsdf::metal_reflectance(cos, 0.96, 6.69);
     for (alpha, degrees) in [(0.25, 30.0), (0.6, 10.0), (0.6, 60.0), (0.6, 80.0)] {
         let (single, all) = walked(alpha, degrees, aluminium);
         let ours = made(&metal(alpha)).reflectance(from_degrees(degrees, 0.0));
@@ -205,7 +205,7 @@ fn what_one_facet_leaves_out_is_as_little_as_said() {
     }
 }
 
-/// The table of `src/site/bsdf/presets.md`.
+/// The table of `src/bsdf/presets.md`.
 fn table() -> String {
     let mut out = String::from("| preset | | 10° | 60° | 75° | 85° |\n|---|---|---|---|---|---|\n");
     for preset in PRESETS {
@@ -222,7 +222,7 @@ fn table() -> String {
 
 #[test]
 fn the_table_of_presets_says_what_they_do() {
-    let page = include_str!("../../src/site/bsdf/presets.md");
+    let page = include_str!("../../src/bsdf/presets.md");
     let table = table();
     assert!(page.contains(&table), "presets.md must hold:\n{table}");
 }
@@ -231,7 +231,7 @@ fn the_table_of_presets_says_what_they_do() {
 fn presets_and_mixtures_are_read_strictly() {
     #[derive(Debug, serde::Deserialize)]
     struct Holder {
-        #[serde(deserialize_with = "glintmap::site::bsdf::preset_or_model")]
+        #[serde(deserialize_with = "glintmap::bsdf::preset_or_model")]
         model: Model,
     }
     let read = |text: &str| toml::from_str::<Holder>(text).map(|h| h.model);

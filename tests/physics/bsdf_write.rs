@@ -2,7 +2,7 @@
 
 use glam::DVec3;
 use glintmap::base::{Purpose, Stream};
-use glintmap::site::bsdf::{
+use glintmap::bsdf::{
     ANGLES_DEG, Bsdf, BsdfFile, Fineness, Goniophotometer, Model, PRESETS, Preset, Side, write,
     write_points,
 };
@@ -120,7 +120,7 @@ fn pruning_eighty_of_a_hundred_keeps_the_lobe_and_less_of_the_rest() {
         assert_eq!(a.peak_per_sr, a.pruned_per_sr);
         assert!(b.pruned_per_sr > 0.9 * b.peak_per_sr, "{b:?}");
     }
-    let loss = |c: &glintmap::site::bsdf::Cost| c.pruned_per_sr / c.peak_per_sr;
+    let loss = |c: &glintmap::bsdf::Cost| c.pruned_per_sr / c.peak_per_sr;
     assert!(nearly_all.costs.iter().map(loss).fold(1.0, f64::min) < 0.9, "{:?}", nearly_all.costs);
 }
 
@@ -131,7 +131,7 @@ fn points(bsdf: &Bsdf, incident: &[(f64, f64)]) -> Goniophotometer {
         text.push_str(&format!("#intheta {theta}\n#inphi {phi}\n"));
         for i in 0..1600 {
             let (u, v) = ((f64::from(i / 40) + 0.5) / 40.0, (f64::from(i % 40) + 0.5) / 40.0);
-            let out = glintmap::site::bsdf::on_hemisphere(u, v);
+            let out = glintmap::bsdf::on_hemisphere(u, v);
             let value = bsdf.evaluate(from_degrees(theta, phi), out) * out.z;
             let (t, p) = (out.z.acos().to_degrees(), out.y.atan2(out.x).to_degrees());
             text.push_str(&format!("{t:.4} {p:.4} {value:.7}\n"));
@@ -159,7 +159,7 @@ fn measured_points_are_met_and_joined() {
             for n in 0..200 {
                 let mut random = Stream::new(81, Purpose::Survey, n);
                 let (u, v) = (0.9 * random.uniform(), random.uniform());
-                let out = glintmap::site::bsdf::on_hemisphere(u, v);
+                let out = glintmap::bsdf::on_hemisphere(u, v);
                 // Azimuths that were not measured, too.
                 let from = from_degrees(theta, if rank == 4 { 100.0 } else { 10.0 });
                 let (seen, real) = (surface.value(from, out), bsdf.evaluate(from, out));

@@ -7,7 +7,7 @@ use std::sync::OnceLock;
 
 use glam::{DVec3, Vec3};
 use glintmap::base::{Photon, PhotonSink, Silent, SinkError, Timeline, Timestep};
-use glintmap::run::Resolved;
+use glintmap::project::Resolved;
 use glintmap::site::Site;
 use glintmap::sky::{self, DayRange, altitude_azimuth_deg, date_of_day};
 use glintmap::trace::{self, Emission, Settings};

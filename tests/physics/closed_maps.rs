@@ -5,9 +5,9 @@ use std::f64::consts::PI;
 
 use glam::{Vec3, vec3};
 use glintmap::base::{Photon, Silent};
+use glintmap::bsdf::Model;
 use glintmap::render::{Annual, Gather, Hit, HitKind, HitMap, Surfaces, annual};
 use glintmap::site::Site;
-use glintmap::site::bsdf::Model;
 use glintmap::trace::{Emission, Settings};
 
 use super::render::gather::store_within;

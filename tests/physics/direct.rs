@@ -5,8 +5,8 @@ use std::collections::HashMap;
 
 use glam::DVec3;
 use glintmap::base::{Photon, PhotonSink, Silent, SinkError};
+use glintmap::project::Resolved;
 use glintmap::render::{Direct, DirectScene, DirectScratch, DirectYear, Hit, PvSight, View, hits};
-use glintmap::run::Resolved;
 use glintmap::site::Site;
 use glintmap::sky::{self, DayRange};
 use glintmap::trace::{self, Emission, Settings};

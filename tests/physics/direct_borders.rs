@@ -3,10 +3,10 @@
 
 use glam::DVec3;
 use glintmap::base::{Frame, Silent};
+use glintmap::bsdf::Bsdf;
+use glintmap::project::Resolved;
 use glintmap::render::{Direct, DirectScene, DirectScratch, DirectYear, PvSight, View, hits};
-use glintmap::run::Resolved;
 use glintmap::site::Site;
-use glintmap::site::bsdf::Bsdf;
 use glintmap::sky::{self, DayRange};
 
 use crate::support::program::root;

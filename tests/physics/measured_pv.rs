@@ -12,7 +12,7 @@ use glam::DVec3;
 use glintmap::base::{Frame, Purpose, Silent, SpectralBasis, Stream, Timeline, Timestep};
 use glintmap::render::eye::{Eye, EyeInstant, EyeMaterial, EyePv, SunAt};
 use glintmap::render::{Direct, DirectScene, DirectScratch, DirectYear, PvSight};
-use glintmap::site::bsdf::{Bsdf, BsdfFile, PRESETS, Side, write};
+use glintmap::bsdf::{Bsdf, BsdfFile, PRESETS, Side, write};
 use glintmap::site::{Face, Material, Object, PvSurface, Site, Triangle};
 
 use super::bsdf_files::{klems, measured, tensor};
@@ -184,7 +184,7 @@ fn files() -> Vec<(String, Bsdf)> {
     ];
     let preset = PRESETS.iter().find(|p| p.name == "standard").expect("there");
     let model = Bsdf::from_model(&preset.model()).expect("valid");
-    let text = write(&model, "n", glintmap::site::bsdf::Fineness { resolution: 6, prune: 80.0 });
+    let text = write(&model, "n", glintmap::bsdf::Fineness { resolution: 6, prune: 80.0 });
     out.push(("rank 3, standard".to_owned(), measured(&text.expect("writes").text)));
     for name in ["klems_full_sawtooth_geometry.xml", "tensortree_rank3_fabric.xml"] {
         let Some(path) = data(&format!("bsdf/{name}")) else { continue };

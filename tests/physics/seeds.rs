@@ -5,13 +5,13 @@ use std::path::Path;
 
 use glam::DVec3;
 use glintmap::base::{Photon, PhotonSink, Silent, SinkError, Timeline};
+use glintmap::bsdf::Bsdf;
+use glintmap::project::Resolved;
 use glintmap::render::{
     Annual, Direct, DirectScene, DirectScratch, DirectYear, Gather, Hit, HitMap, PvSight, Surfaces,
     View, annual, hits,
 };
-use glintmap::run::Resolved;
 use glintmap::site::Site;
-use glintmap::site::bsdf::Bsdf;
 use glintmap::sky;
 use glintmap::trace::{self, Emission, Plan, Settings};
 

@@ -8,8 +8,8 @@ pub use speed::{processor_s, village};
 
 use glam::{DVec3, Vec3};
 use glintmap::base::{Silent, Timeline};
+use glintmap::bsdf::{Bsdf, Model};
 use glintmap::site::Site;
-use glintmap::site::bsdf::{Bsdf, Model};
 use glintmap::trace::{Emission, Error, Plan, Receivers, Settings, plan, run};
 use scene::Kept;
 

@@ -10,9 +10,9 @@ use std::sync::OnceLock;
 use glintmap::base::{Grid, Photon};
 use glintmap::pages::{Access, OpenOptions, Store};
 use glintmap::picture::exr;
+use glintmap::project::Resolved;
+use glintmap::receivers::probe::{Spot, probe};
 use glintmap::render::{HitKind, HitMap};
-use glintmap::run::Resolved;
-use glintmap::run::probe::{Spot, probe};
 use glintmap::volume::Volume;
 use glintmap_formats::npy;
 

@@ -41,7 +41,7 @@ MATERIALS = {
     "tree": (0.05, 0.04),
 }
 
-# site::bsdf::PvGlass, with f = 0 below the surface. Vectors point away from the surface.
+# bsdf::PvGlass, with f = 0 below the surface. Vectors point away from the surface.
 CAL = """
 sq(x) : x*x;
 lower(a,b) : if(a-b, b, a);

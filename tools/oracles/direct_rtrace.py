@@ -6,7 +6,7 @@ and its standard error as JSON.
 A case has `triangles` (the scene, [[[x, y, z] * 3], ...], black), `pv` (the same for the PV), a
 `spot` and its `normal`, a `sun` (towards it), its `strength` (W/m2) and `diameter_deg`, and the
 PV's `index`, `alpha`, `diffuse`. The PV is Radiance's `plasfunc` with the BRDF of
-site::bsdf::PvGlass as a function; rtrace sends a ray from the spot to each of many points spread
+bsdf::PvGlass as a function; rtrace sends a ray from the spot to each of many points spread
 over the PV and samples the sun's disc there (-dj 1): Radiance finds what hides the PV, what shades
 it, and its radiance. Needs pyradiance (tools/requirements.txt).
 """

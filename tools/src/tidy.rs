@@ -1,53 +1,27 @@
 //! `tools tidy`: the rules of the house, read off the source.
 //!
-//! - the import table: which room may `use` which;
+//! - the table of rooms and wings in [`rooms`]: who may use whom, also through re-exports;
+//! - no circles of files that import each other, but those that [`rooms`] lists by name;
 //! - the home of each outside crate;
 //! - every format module has its page;
+//! - files above 150 lines begin with an essay (`//!`);
 //! - files above 500 lines, as a warning.
 
-use std::collections::BTreeMap;
+mod house;
+mod imports;
+mod rooms;
+
+use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, bail};
+use house::House;
+use rooms::{CIRCLES, HOMES};
 
-/// A room and the rooms it may use.
-const ROOMS: &[(&str, &[&str])] = &[
-    ("base", &[]),
-    ("site", &["base"]),
-    ("sky", &["base"]),
-    ("trace", &["base", "site", "sky"]),
-    ("pages", &["base", "formats"]),
-    ("render", &["base", "site", "sky", "pages", "formats"]),
-    ("volume", &["base", "formats"]),
-    ("glare", &["base", "volume"]),
-    ("picture", &["base", "formats"]),
-    ("report", &["base", "glare", "volume", "picture"]),
-    (
-        "run",
-        &[
-            "base", "formats", "site", "sky", "trace", "pages", "render", "volume", "glare",
-            "picture", "report",
-        ],
-    ),
-    (
-        "cli",
-        &[
-            "base", "formats", "site", "sky", "trace", "pages", "render", "volume", "glare",
-            "picture", "report", "run",
-        ],
-    ),
-];
-
-/// An outside crate and where it may be named.
-const HOMES: &[(&str, &[&str])] = &[
-    ("obvhs", &["src/site/bvh.rs"]),
-    ("memmap2", &["src/pages/mapped.rs"]),
-    ("exr", &["src/picture/exr.rs"]),
-    ("clap", &["src/cli", "src/main.rs", "tools"]),
-    ("bincode", &["formats/src/gmp"]),
-];
-
+/// Above so many lines a file begins with a word about its problem and its idea.
+const SPEAKING: usize = 150;
+/// Above so many lines a file may hold two.
 const LONG: usize = 500;
 
 /// What tidy found.
@@ -85,26 +59,25 @@ pub fn tidy(root: &Path) -> Result<Findings> {
     if sources.is_empty() {
         bail!("no sources below {}", root.display());
     }
-    for (path, text) in &sources {
-        let name = path.strip_prefix(root).unwrap_or(path).to_string_lossy().replace('\\', "/");
-        check_file(&name, text, &mut findings);
+    let sources: BTreeMap<String, String> = sources
+        .into_iter()
+        .map(|(path, text)| {
+            let name =
+                path.strip_prefix(root).unwrap_or(&path).to_string_lossy().replace('\\', "/");
+            (name, text)
+        })
+        .collect();
+    for (name, text) in &sources {
+        check_length(name, text, &mut findings);
+        check_homes(name, text, &mut findings)?;
     }
-    for entry in fs::read_dir(root.join("formats/src"))? {
-        let path = entry?.path();
-        let is_page = path.extension().is_some_and(|e| e == "md");
-        let module = path.with_extension("rs");
-        let text = if module.exists() {
-            fs::read_to_string(&module)?
-        } else {
-            fs::read_to_string(path.with_extension("").join("mod.rs")).unwrap_or_default()
-        };
-        let page = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
-        if is_page && !text.contains(&format!("include_str!(\"{page}\")")) {
-            findings
-                .broken
-                .push(format!("formats/src/{page}: no module has it as its documentation"));
-        }
-    }
+    let house = House::read(
+        sources.iter().filter_map(|(n, t)| Some((n.strip_prefix("src/")?, t.as_str()))),
+    )
+    .map_err(anyhow::Error::msg)?;
+    findings.broken.extend(house.forbidden());
+    check_circles(&house, CIRCLES, &mut findings);
+    check_pages(root, &mut findings)?;
     Ok(findings)
 }
 
@@ -124,124 +97,137 @@ fn collect(folder: &Path, into: &mut BTreeMap<PathBuf, String>) -> Result<()> {
     Ok(())
 }
 
-fn check_file(name: &str, text: &str, findings: &mut Findings) {
+fn check_length(name: &str, text: &str, findings: &mut Findings) {
     let lines = text.lines().count();
     if lines > LONG {
         findings
             .warnings
             .push(format!("{name}: {lines} lines; would a reader find two rooms in it?"));
     }
-    let room = name.strip_prefix("src/").and_then(|n| n.split_once('/')).map(|(room, _)| room);
-    let allowed = room.and_then(|r| ROOMS.iter().find(|(n, _)| *n == r));
-    if let (Some(room), None) = (room, allowed)
-        && room != "docs"
-    {
-        findings.broken.push(format!("{name}: `{room}` is no room of the import table"));
+    let speaks = text.lines().take(3).any(|l| l.starts_with("//!") || l.starts_with("#![doc"));
+    if lines > SPEAKING && !speaks {
+        findings.warnings.push(format!(
+            "{name}: {lines} lines that begin without `//!`: the problem, the idea, the source?"
+        ));
     }
-    for (number, line) in text.lines().enumerate() {
-        let code = line.split("//").next().unwrap_or("");
-        let at = format!("{name}:{}", number + 1);
-        if let Some((room, may)) = allowed {
-            for (other, _) in ROOMS {
-                let named = code.contains(&format!("crate::{other}::"))
-                    || code.contains(&format!("crate::{other};"))
-                    || code.contains(&format!("crate::{other} "));
-                if named && other != room && !may.contains(other) {
-                    findings.broken.push(format!("{at}: `{room}` may not use `{other}`"));
-                }
-            }
-            if code.contains("use crate::{") {
-                for other in grouped(text, number) {
-                    let known = ROOMS.iter().any(|(n, _)| *n == other);
-                    if known && other != *room && !may.contains(&other.as_str()) {
-                        findings.broken.push(format!("{at}: `{room}` may not use `{other}`"));
-                    }
-                }
-            }
-            if code.contains("glintmap_formats") && !may.contains(&"formats") {
-                findings.broken.push(format!("{at}: `{room}` may not use `formats`"));
-            }
-        }
-        if name.starts_with("formats/") && code.contains("glintmap::") {
+}
+
+/// Outside crates are named at home only; `formats` names nothing of ours.
+fn check_homes(name: &str, text: &str, findings: &mut Findings) -> Result<()> {
+    if name.starts_with("tests/") {
+        return Ok(());
+    }
+    let below = name.split_once("src/").map_or(name, |(_, below)| below);
+    let source = imports::read(below, text).with_context(|| name.to_owned())?;
+    for named in source.named.iter().filter(|n| !n.ours) {
+        let krate = named.path[0].as_str();
+        let at = format!("{name}:{}", named.line);
+        if name.starts_with("formats/") && krate == "glintmap" {
             findings.broken.push(format!("{at}: formats knows nothing of ours"));
         }
-        if name.starts_with("tests/") || name == "tools/src/tidy.rs" {
-            continue;
+        let Some((_, homes)) = HOMES.iter().find(|(known, _)| *known == krate) else { continue };
+        if !homes.iter().any(|h| name.starts_with(h)) {
+            findings.broken.push(format!("{at}: the crate `{krate}` has its home in {homes:?}"));
         }
-        for (krate, homes) in HOMES {
-            let named = [format!("{krate}::"), format!("use {krate};")].iter().any(|n| {
-                code.match_indices(n.as_str()).any(|(i, _)| {
-                    // A room of ours may have the crate's name: `picture::exr::write`.
-                    let before = code[..i].chars().next_back();
-                    !before.is_some_and(|c| c.is_alphanumeric() || c == '_' || c == ':')
-                }) && !text.contains(&format!("picture::{krate}"))
-                    && !text.contains(&format!("mod {krate};"))
-                    && !text.contains(&format!("{krate}, "))
-                    && !text.contains(&format!(", {krate}"))
-            });
-            if named && !homes.iter().any(|h| name.starts_with(h)) {
-                findings
-                    .broken
-                    .push(format!("{at}: the crate `{krate}` has its home in {homes:?}"));
-            }
+    }
+    Ok(())
+}
+
+/// Circles are refused unless they are listed; what is listed and is none any more goes.
+fn check_circles(house: &House, listed: &[&[&str]], findings: &mut Findings) {
+    let listed: Vec<BTreeSet<&str>> = listed.iter().map(|c| c.iter().copied().collect()).collect();
+    let found = house.circles();
+    for circle in &found {
+        if !listed.iter().any(|known| circle.is_subset(known)) {
+            findings.broken.push(format!(
+                "these {} files import each other in a circle: {}",
+                circle.len(),
+                house.ties(circle).join(", ")
+            ));
+        }
+    }
+    for known in &listed {
+        if !found.iter().any(|circle| circle == known) {
+            findings.broken.push(format!(
+                "tools/src/tidy/rooms.rs: {known:?} is listed as a circle and is none (any more): \
+                 take it off the list"
+            ));
         }
     }
 }
 
-/// The first names of a `use crate::{a, b::C, …}` that begins at a line.
-fn grouped(text: &str, line: usize) -> Vec<String> {
-    let rest: String = text.lines().skip(line).collect::<Vec<_>>().join(" ");
-    let Some((_, body)) = rest.split_once("crate::{") else { return Vec::new() };
-    let mut depth = 0;
-    let mut names = vec![String::new()];
-    for c in body.chars() {
-        match c {
-            '{' => depth += 1,
-            '}' if depth == 0 => break,
-            '}' => depth -= 1,
-            ',' if depth == 0 => names.push(String::new()),
-            _ => {
-                if let Some(last) = names.last_mut() {
-                    last.push(c);
-                }
-            }
+/// Every page of a format is the documentation of a module.
+fn check_pages(root: &Path, findings: &mut Findings) -> Result<()> {
+    for entry in fs::read_dir(root.join("formats/src"))? {
+        let path = entry?.path();
+        let is_page = path.extension().is_some_and(|e| e == "md");
+        let module = path.with_extension("rs");
+        let text = if module.exists() {
+            fs::read_to_string(&module)?
+        } else {
+            fs::read_to_string(path.with_extension("").join("mod.rs")).unwrap_or_default()
+        };
+        let page = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
+        if is_page && !text.contains(&format!("include_str!(\"{page}\")")) {
+            findings
+                .broken
+                .push(format!("formats/src/{page}: no module has it as its documentation"));
         }
     }
-    names.iter().filter_map(|n| n.trim().split("::").next().map(str::to_owned)).collect()
+    Ok(())
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
 
-    fn broken(name: &str, text: &str) -> usize {
+    fn strangers(name: &str, text: &str) -> usize {
         let mut findings = Findings::default();
-        check_file(name, text, &mut findings);
+        check_homes(name, text, &mut findings).expect("reads");
         findings.broken.len()
     }
 
     #[test]
-    fn what_the_table_forbids_is_found() {
-        assert_eq!(broken("src/trace/path.rs", "use crate::pages::Store;\n"), 1);
-        assert_eq!(broken("src/trace/path.rs", "use crate::{base::Photon, pages};\n"), 1);
-        assert_eq!(
-            broken("src/trace/path.rs", "use crate::{\n    base::Photon,\n    volume::V,\n};\n"),
-            1
-        );
-        assert_eq!(broken("src/trace/path.rs", "use glintmap_formats::seal;\n"), 1);
-        assert_eq!(broken("src/glare/x.rs", "fn f() { crate::render::hits(); }\n"), 1);
-        assert_eq!(broken("src/kitchen/x.rs", "\n"), 1);
-        assert_eq!(broken("src/render/x.rs", "use obvhs::cwbvh::CwBvh;\n"), 1);
-        assert_eq!(broken("formats/src/npy.rs", "use glintmap::base::Grid;\n"), 1);
-        assert_eq!(broken("formats/src/npy.rs", "let x = bincode::decode();\n"), 1);
+    fn crates_away_from_home_are_found() {
+        assert_eq!(strangers("src/render/x.rs", "use obvhs::cwbvh::CwBvh;\n"), 1);
+        assert_eq!(strangers("src/render/x.rs", "fn f() -> obvhs::Bvh { obvhs::new() }\n"), 2);
+        assert_eq!(strangers("formats/src/npy.rs", "use glintmap::base::Grid;\n"), 1);
+        assert_eq!(strangers("formats/src/npy.rs", "fn f() { bincode::decode(); }\n"), 1);
+        assert_eq!(strangers("src/site/bvh.rs", "use obvhs::cwbvh::CwBvh;\n"), 0);
+        // A room of ours may have the crate's name.
+        let ours = "use crate::picture::exr;\nfn f() { exr::write(); }\n";
+        assert_eq!(strangers("src/run/x.rs", ours), 0);
+        assert_eq!(strangers("src/run/x.rs", "fn f() { exr::write(); }\n"), 1);
     }
 
     #[test]
-    fn what_the_table_allows_passes() {
-        assert_eq!(broken("src/trace/path.rs", "use crate::{base::Photon, site::Site};\n"), 0);
-        assert_eq!(broken("src/site/bvh.rs", "use obvhs::cwbvh::CwBvh;\n"), 0);
-        assert_eq!(broken("src/run/x.rs", "use crate::picture::exr;\nexr::write();\n"), 0);
-        assert_eq!(broken("src/trace/path.rs", "// crate::pages::Store keeps them\n"), 0);
+    fn long_files_say_what_they_are_about() {
+        let warnings = |text: &str| {
+            let mut findings = Findings::default();
+            check_length("src/x.rs", text, &mut findings);
+            findings.warnings.len()
+        };
+        let code = "fn f() {}\n".repeat(160);
+        assert_eq!(warnings(&code), 1);
+        assert_eq!(warnings(&format!("//! Why.\n{code}")), 0);
+        assert_eq!(warnings(&"fn f() {}\n".repeat(600)), 2);
+    }
+
+    #[test]
+    fn listed_circles_pass_and_leave_the_list_when_they_are_open() {
+        let circle = House::read([
+            ("base/a.rs", "use super::b::B;\npub struct A;"),
+            ("base/b.rs", "use super::a::A;\npub struct B;"),
+        ])
+        .expect("reads");
+        let broken = |listed: &[&[&str]]| {
+            let mut findings = Findings::default();
+            check_circles(&circle, listed, &mut findings);
+            findings.broken.len()
+        };
+        assert_eq!(broken(&[]), 1);
+        assert_eq!(broken(&[&["base/a.rs", "base/b.rs"]]), 0);
+        assert_eq!(broken(&[&["base/a.rs", "base/b.rs"], &["base/c.rs", "base/d.rs"]]), 1);
     }
 
     #[test]

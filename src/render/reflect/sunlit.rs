@@ -24,7 +24,7 @@ use glam::DVec3;
 
 use super::disc::Disc;
 use crate::base::Frame;
-use crate::site::bsdf::{Cone, Incidence, Measured, on_circle};
+use crate::bsdf::{Cone, Incidence, Measured, on_circle};
 
 /// Lines through the disc: shares of straight borders are good to 1e-3 of the disc, as a test holds.
 const LINES: u32 = 24;
@@ -213,7 +213,7 @@ impl Slices {
 mod tests {
     use super::*;
     use crate::base::{Purpose, Stream};
-    use crate::site::bsdf::{Bsdf, on_hemisphere, samples};
+    use crate::bsdf::{Bsdf, on_hemisphere, samples};
 
     /// The disc's parts against 4,096 points of it.
     #[test]

@@ -8,10 +8,10 @@ use super::pictures;
 use crate::base::{Grid, Progress, TileRect, limits, tiles};
 use crate::glare::Slices;
 use crate::picture::exr;
+use crate::project::{Candidate, PlannedView};
 use crate::render;
-use crate::run::Error;
+use crate::run::error::Error;
 use crate::run::job::Job;
-use crate::run::resolve::{Candidate, PlannedView};
 
 /// Slices that are read together.
 const TOGETHER_BYTES: usize = 32 << 20;

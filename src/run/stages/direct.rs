@@ -7,18 +7,19 @@ use glintmap_formats::npy;
 use serde_json::json;
 
 use super::fused;
-use super::passing::InAir;
-use super::receivers::read_points;
-use super::render::{About, attributes, names, peak, read_hits, write_peak, writer};
+use super::render::{About, attributes, names, peak, write_peak, writer};
 use crate::base::{Grid, SinkError, TileRect, TileSink, limits, tiles};
 use crate::picture::{exr, hdr};
+use crate::project::Folder;
+use crate::project::{Candidate, PlannedView};
+use crate::receivers::air::InAir;
+use crate::receivers::points::read_points;
 use crate::render::{
     self, Direct, DirectScene, DirectSinks, FusedDirect, HitMap, PvSight, Quantity, TileYear,
 };
+use crate::run::error::Error;
 use crate::run::job::{Job, Stage};
-use crate::run::resolve::{Candidate, PlannedView};
-use crate::run::{Error, Folder};
-use crate::volume::TimeAxis;
+use crate::volume::{Rounded, TimeAxis};
 
 /// Integrates a view; `sight` is kept from one to the next. The sums of the year wait, tile by
 /// tile, beside the series until all tiles are there: so an interrupted run needs no tile twice.
@@ -34,7 +35,7 @@ pub(super) fn maps(
         return Ok(());
     }
     let began = Instant::now();
-    let mut hits = read_hits(job, view)?;
+    let mut hits = job.folder.read_hits(&view.name)?;
     if view.points.is_some() {
         // What is integrated needs no surface to land on.
         if let Some(air) = InAir::of(&read_points(&job.folder, view)?, view) {
@@ -99,9 +100,12 @@ fn written(
     let writer_of = |quantity| writer(job, candidate, view, (about.0, quantity), hits);
     let other = view.both.then(|| Ok::<_, Error>((other, writer_of(other)?))).transpose()?;
     let writer = writer_of(quantity)?;
+    let rounded = |writer| Rounded::new(writer, view.mantissa_bits);
+    let series = rounded(&writer);
+    let others = other.as_ref().map(|(quantity, writer)| (*quantity, rounded(writer)));
     let sinks = DirectSinks {
-        series: (quantity, &writer),
-        other: other.as_ref().map(|(quantity, writer)| (*quantity, writer as &dyn TileSink)),
+        series: (quantity, &series),
+        other: others.as_ref().map(|(quantity, sink)| (*quantity, sink as &dyn TileSink)),
         keep,
     };
     let told = render::direct_series(direct, hits, sinks, job.progress)?;
@@ -157,7 +161,7 @@ pub(super) fn fused<'a>(
     view: &PlannedView,
     thresholds: &[f64],
 ) -> Result<Vec<fused::Analysed<'a>>, Error> {
-    let (hits, sight) = (read_hits(job, view)?, sees(job)?);
+    let (hits, sight) = (job.folder.read_hits(&view.name)?, sees(job)?);
     let direct = Direct::new(scene(job, candidate)?, &sight)?;
     Ok(analyse(job, axis, view, (&direct, &hits), thresholds, &|_, _| Ok(()))?.analyses)
 }

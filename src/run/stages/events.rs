@@ -12,14 +12,14 @@ use serde_json::json;
 
 use super::glare::Made;
 use super::receivers::sheet::quoted;
-use super::render::{read_hits, telling_store};
+use super::render::telling_store;
 use crate::glare::{self, Event, Events, Regular};
 use crate::pages::{Neighbours, Query, Store};
+use crate::project::{Candidate, PlannedView};
+use crate::receivers::clock::Clock;
 use crate::render::{Hit, HitMap};
-use crate::run::Error;
-use crate::run::clock::Clock;
+use crate::run::error::Error;
 use crate::run::job::Job;
-use crate::run::resolve::{Candidate, PlannedView};
 use crate::site::{Site, map_from_local};
 use crate::volume::TimeAxis;
 
@@ -42,7 +42,7 @@ pub(super) fn write(
 ) -> Result<Vec<PathBuf>, Error> {
     let Made { analysis, axis, grid, .. } = *made;
     let name = |file: &str| job.folder.glare(&candidate.name, &view.name, threshold, file);
-    let hits = read_hits(job, view)?;
+    let hits = job.folder.read_hits(&view.name)?;
     let senders = match telling_store(job, candidate)? {
         Some(store) => senders(&analysis.events, grid, &hits, &store, view)?,
         None => vec![None; analysis.events.len()],

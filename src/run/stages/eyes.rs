@@ -11,20 +11,20 @@ use super::judged::class;
 use super::receivers::sheet::quoted;
 use super::receivers::{OUTDOOR_H, occurrence};
 use crate::base::{Provenance, SpectralBasis};
-use crate::glare::rules::Class;
 use crate::glare::{Kernel, Lengths};
 use crate::picture::scatter::{Dots, LogAxis, Scatter, Zone};
+use crate::project::{Candidate, RECEIVERS};
+use crate::receivers::clock::Clock;
+use crate::receivers::eyes::{
+    EyeYear, EyeYears, Looker, Measure, Thresholds, azimuth_altitude_deg, instants, sights, zone_of,
+};
+use crate::receivers::points::Spreader;
 use crate::render::Quantity;
 use crate::render::eye::hazard::{HazardZone, after_image_w_cm2, burn_w_cm2};
 use crate::render::eye::{Eye, EyeInstant, EyeMaterial, EyePv};
-use crate::run::Error;
-use crate::run::clock::Clock;
-use crate::run::eyes::{
-    EyeYear, EyeYears, Looker, Measure, Thresholds, azimuth_altitude_deg, instants, sights, zone_of,
-};
+use crate::rules::Class;
+use crate::run::error::Error;
 use crate::run::job::{Job, Stage};
-use crate::run::points::Spreader;
-use crate::run::resolve::{Candidate, RECEIVERS};
 use crate::volume::TimeAxis;
 
 /// The name of the unit.
@@ -97,7 +97,7 @@ pub(in crate::run) fn read_eyes(job: &Job<'_>, candidate: &Candidate) -> Result<
 
 fn lookers(job: &Job<'_>, axis: &TimeAxis, clock: &Clock) -> Result<Vec<Looker>, Error> {
     let spreader = Spreader { resolved: job.resolved, site: job.site()? };
-    let one = |o: &crate::run::project::ObserverTable| {
+    let one = |o: &crate::project::ObserverTable| {
         let sensor = spreader.observer(o);
         let outdoor = class(job, &o.name) == Some(Class::Outdoor);
         let counts = |t: usize| {

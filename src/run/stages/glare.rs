@@ -9,10 +9,10 @@ use super::{direct, fused};
 use crate::base::Grid;
 use crate::glare::{self, Analysis, Regular, Slices, YearRows};
 use crate::picture::exr;
-use crate::run::Error;
-use crate::run::clock::Clock;
+use crate::project::{Candidate, PlannedView};
+use crate::receivers::clock::Clock;
+use crate::run::error::Error;
 use crate::run::job::{Job, Stage};
-use crate::run::resolve::{Candidate, PlannedView};
 use crate::volume::{TimeAxis, Volume};
 
 /// Analyses each candidate's series in each view, at each threshold.
@@ -20,9 +20,8 @@ pub(in crate::run) fn glare(job: &mut Job<'_>) -> Result<(), Error> {
     let resolved = job.resolved;
     for candidate in &resolved.candidates {
         for view in resolved.with_sensors() {
-            let render_key = resolved.render_key(candidate, view)?;
             for &threshold in &resolved.project.glare.thresholds_w_m2 {
-                let key = resolved.glare_key(&render_key, threshold)?;
+                let key = resolved.glare_key(candidate, view, threshold)?;
                 let unit = format!("glare {} {} {threshold}", candidate.name, view.name);
                 if job.summary.made.contains(&unit) {
                     // A fused view: analysed as rendered, just now.

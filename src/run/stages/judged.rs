@@ -7,17 +7,15 @@ use serde::{Deserialize, Serialize};
 
 use super::eyes::read_eyes;
 use super::receivers::read_received;
-use crate::glare::rules::{
-    Class, Judged, Limit, Measured, Metrics, Outcome, Profile, Quantity, Verdict,
-};
-use crate::run::Error;
-use crate::run::clock::Clock;
-use crate::run::eyes::{EyeTime, EyeYear, EyeYears, Measure};
+use crate::project::{Candidate, PlannedView, RECEIVERS};
+use crate::receivers::clock::Clock;
+use crate::receivers::eyes::{EyeTime, EyeYear, EyeYears, Measure};
+use crate::receivers::points::Kind;
+use crate::receivers::received::{AtThreshold, Banded, GroupReceived};
+use crate::report::words::{hours, list, minutes};
+use crate::rules::{Class, Judged, Limit, Measured, Metrics, Outcome, Profile, Quantity, Verdict};
+use crate::run::error::Error;
 use crate::run::job::Job;
-use crate::run::points::Kind;
-use crate::run::received::{AtThreshold, Banded, GroupReceived};
-use crate::run::resolve::{Candidate, PlannedView, RECEIVERS};
-use crate::run::words::{hours, list, minutes};
 
 /// One rule on one observer or region, with one material.
 #[derive(Clone, Debug, Serialize, Deserialize)]

@@ -11,15 +11,15 @@ use serde_json::{Value, json};
 use super::render::attributes;
 use crate::base::{Grid, Provenance, Timestep};
 use crate::picture::{Figure, Scale, exr, hdr, luminance, png, tonemap};
+use crate::project::{Camera, Candidate, MOMENTS, PlannedMoment};
+use crate::receivers::clock::Clock;
+use crate::receivers::eyes::azimuth_altitude_deg;
+use crate::receivers::points::Spreader;
 use crate::render::eye::{Eye, EyeInstant, EyeMaterial, EyePv, SunAt};
 use crate::render::moment::{Moment, WATT_LM, illuminance_lx};
 use crate::render::{Projection, View};
-use crate::run::Error;
-use crate::run::clock::Clock;
-use crate::run::eyes::azimuth_altitude_deg;
+use crate::run::error::Error;
 use crate::run::job::{Job, Stage};
-use crate::run::points::Spreader;
-use crate::run::resolve::{Camera, Candidate, MOMENTS, PlannedMoment};
 use crate::sky::{self, DayRange, HourRange, TimeSpec};
 
 /// The name of the unit.
@@ -112,11 +112,9 @@ fn instant(job: &Job<'_>, moment: &PlannedMoment) -> Result<(Timestep, f64, f64)
     if let Some(horizon) = &resolved.horizon {
         timeline = horizon.cut(timeline)?;
     }
-    let step = timeline.steps.first().copied().ok_or_else(|| Error::Project {
-        path: resolved.file.clone(),
-        line: 0,
-        column: 0,
-        message: format!("[[moment]] \"{}\": the sun is below the horizon then", moment.name),
+    let step = timeline.steps.first().copied().ok_or_else(|| {
+        resolved
+            .mistake(format!("[[moment]] \"{}\": the sun is below the horizon then", moment.name))
     })?;
     Ok((step, timeline.sun_diameter_deg, timeline.basis.lm_per_w()))
 }

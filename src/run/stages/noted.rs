@@ -8,7 +8,7 @@ use std::sync::Mutex;
 
 use crate::base::limits::TILE_EDGE;
 use crate::base::{SeriesEntry, SinkError, TileRect, TileSink};
-use crate::run::Error;
+use crate::run::error::Error;
 
 /// Numbers of a tile at most: two for each pixel.
 const NUMBERS: usize = 2 * TILE_EDGE * TILE_EDGE;

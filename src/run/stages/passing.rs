@@ -5,94 +5,22 @@
 use std::time::Instant;
 
 use super::photons::{Done, Filling, Traced, fill};
-use super::receivers::read_points;
 use crate::base::{Gate, GateSheet};
 use crate::pages::{self, Access, OpenOptions, Store};
-use crate::render::sensors::{self, Footing};
-use crate::render::{Hit, HitKind, HitMap, Passed};
+use crate::project::key_of;
+use crate::project::{Candidate, PlannedView};
+use crate::receivers::air::{Crossings, InAir, STORE};
+use crate::receivers::points::read_points;
+use crate::render::sensors;
+use crate::render::{Hit, HitMap, Passed};
+use crate::run::error::Error;
 use crate::run::job::{Job, Stage};
-use crate::run::manifest::key_of;
-use crate::run::points::PointSet;
-use crate::run::resolve::{Candidate, PlannedView};
-use crate::run::{Error, Folder};
 use crate::trace::{Emission, Settings, Through, Tracer};
 
-/// Radius of a gate, m; smaller where `max_radius_m` of the view is, or a surface is nearer.
-const GATE_M: f64 = 0.1;
 /// Crossings of each gate that are aimed at, at least; no more in all than `photons.stored`.
 const CROSSINGS: u64 = 10_000;
-/// The store of a set's crossings.
-const STORE: &str = "air.gmp";
 /// Where crossings wait to be sorted.
 pub(in crate::run) const SPILL: &str = "air-spill";
-
-/// Which points of a set stand in free air, and where their crossings lie.
-pub(in crate::run) struct InAir {
-    /// Their numbers in the set, ascending.
-    points: Vec<usize>,
-    sheet: GateSheet,
-    radius_m: f64,
-}
-
-impl InAir {
-    /// `None` where all points stand on surfaces.
-    pub fn of(set: &PointSet, view: &PlannedView) -> Option<Self> {
-        let footing = set.groups.iter().flat_map(|g| &g.footing);
-        let points: Vec<usize> =
-            footing.enumerate().filter(|(_, f)| **f == Footing::Air).map(|(i, _)| i).collect();
-        let radius_m = view.annual.max_radius_m.map_or(GATE_M, |m| GATE_M.min(f64::from(m)));
-        let sheet = GateSheet::new(points.len(), radius_m);
-        (!points.is_empty()).then_some(Self { points, sheet, radius_m })
-    }
-
-    /// Hits in which these points receive light: for what needs no photons.
-    pub fn lifted(&self, mut hits: HitMap) -> HitMap {
-        for &point in &self.points {
-            if let Some(hit) = hits.hits.get_mut(point) {
-                hit.kind = HitKind::Receiver;
-            }
-        }
-        hits
-    }
-}
-
-/// The photons that crossed the gates of a set.
-pub(in crate::run) struct Crossings {
-    pub air: InAir,
-    pub store: Store,
-}
-
-impl Crossings {
-    /// Those that a finished run left; `None` where no point stands in free air.
-    ///
-    /// # Errors
-    /// When they can't be read.
-    pub fn open(
-        folder: &Folder,
-        candidate: &str,
-        (set, view): (&PointSet, &PlannedView),
-        cache_bytes: u64,
-    ) -> Result<Option<Self>, Error> {
-        let Some(air) = InAir::of(set, view) else { return Ok(None) };
-        let path = folder.at(&folder.map(candidate, &view.name, STORE));
-        let options = OpenOptions { cache_bytes, access: Access::Mapped };
-        Ok(Some(Self { air, store: Store::open(&path, &options)? }))
-    }
-
-    /// Calls `each` with timestep, flux (W) and PV surface of the photons at a point of the set;
-    /// never where it doesn't stand in free air.
-    ///
-    /// # Errors
-    /// When the store is damaged.
-    pub fn photons(&self, point: usize, mut each: impl FnMut(u32, f32, u16)) -> Result<(), Error> {
-        if let Ok(gate) = self.air.points.binary_search(&point) {
-            self.store.in_box(self.air.sheet.cell(gate), |_, photon| {
-                each(photon.timestep, photon.flux_w, photon.surface);
-            })?;
-        }
-        Ok(())
-    }
-}
 
 /// Crossings, and the gates that they crossed.
 pub(super) struct Made {

@@ -5,16 +5,16 @@ use super::eyes::{hazard_png, read_eyes};
 use super::judged::{Judgement, class, eye_of, in_a_line, receivers, told};
 use super::receivers::{occurrence, read_received};
 use crate::glare::Lengths;
-use crate::glare::rules::Outcome;
+use crate::project::{Candidate, PlannedView};
+use crate::receivers::clock::Clock;
+use crate::receivers::eyes::{EyeYear, EyeYears, Measure};
+use crate::receivers::points::Kind;
+use crate::receivers::received::{GroupReceived, Received};
+use crate::report::words::{MONTHS, hours, minutes};
 use crate::report::{Figure, Mark, Point, Section, Table};
-use crate::run::Error;
-use crate::run::clock::Clock;
-use crate::run::eyes::{EyeYear, EyeYears, Measure};
+use crate::rules::Outcome;
+use crate::run::error::Error;
 use crate::run::job::Job;
-use crate::run::points::Kind;
-use crate::run::received::{GroupReceived, Received};
-use crate::run::resolve::{Candidate, PlannedView};
-use crate::run::words::{MONTHS, hours, minutes};
 use crate::volume::TimeAxis;
 
 /// Episodes that a receiver's table lists.

@@ -10,10 +10,11 @@ use serde_json::json;
 
 use crate::base::{Aabb, Photon, PhotonSink, SinkError, Tally};
 use crate::pages::{self, Spill};
+use crate::project::Candidate;
+use crate::project::Shard;
+use crate::project::key_of;
+use crate::run::error::Error;
 use crate::run::job::{Job, Stage};
-use crate::run::manifest::key_of;
-use crate::run::resolve::Candidate;
-use crate::run::{Error, Shard};
 use crate::trace::{self, Emission, Plan, Tracer, UnitSink};
 
 /// Tracing that a killed run loses at most, beside the unit that it was in.

@@ -18,10 +18,10 @@ use super::render::attributes;
 use crate::base::{Grid, SpectralBasis};
 use crate::picture::scale::{self, Below};
 use crate::picture::{Figure, Rgb, Scale, compose, exr, tonemap};
-use crate::run::Error;
+use crate::project::key_of;
+use crate::project::{Candidate, PlannedView, Resolved};
+use crate::run::error::Error;
 use crate::run::job::{Job, Stage};
-use crate::run::manifest::key_of;
-use crate::run::resolve::{Candidate, PlannedView, Resolved};
 
 /// Decades of the logarithmic scale of annual maps.
 const DECADES: f64 = 3.0;
@@ -97,18 +97,17 @@ pub(in crate::run) fn key(resolved: &Resolved) -> Result<String, Error> {
     let mut parts = Vec::new();
     for candidate in &resolved.candidates {
         for view in &resolved.views {
-            let render = resolved.render_key(candidate, view)?;
             for &threshold in &resolved.project.glare.thresholds_w_m2 {
-                parts.push(resolved.glare_key(&render, threshold)?);
+                parts.push(resolved.glare_key(candidate, view, threshold)?);
             }
-            parts.push(render);
+            parts.push(resolved.render_key(candidate, view)?);
         }
         for set in &resolved.sensors {
             parts.push(resolved.received_key(candidate, set)?);
         }
     }
     let p = &resolved.project;
-    key_of("pictures", &(parts, &p.site, &p.observer, &p.region, &p.reference))
+    Ok(key_of("pictures", &(parts, &p.site, &p.observer, &p.region, &p.reference))?)
 }
 
 /// Writes each candidate's annual map divided by the reference's.

@@ -9,19 +9,19 @@ use glintmap_formats::seal;
 use serde_json::json;
 
 use super::judged::class;
-use super::passing::Crossings;
 use super::pictures::read;
-use super::render::{read_hits, telling_store};
+use super::render::telling_store;
 use crate::glare::Lengths;
-use crate::glare::rules::Class;
 use crate::pages::Store;
+use crate::project::{Candidate, PlannedView, Points};
+use crate::receivers::air::Crossings;
+use crate::receivers::clock::Clock;
+use crate::receivers::points::{Spreader, read_points};
+use crate::receivers::received::{Reader, Received};
 use crate::render::sensors;
-use crate::run::clock::Clock;
+use crate::rules::Class;
+use crate::run::error::Error;
 use crate::run::job::{Job, Stage};
-use crate::run::points::{PointSet, Spreader};
-use crate::run::received::{Reader, Received};
-use crate::run::resolve::{Candidate, PlannedView, Points};
-use crate::run::{Error, Folder};
 use crate::volume::{TimeAxis, Volume};
 
 /// Clock times at which glare outdoors counts, h.
@@ -32,7 +32,7 @@ pub(in crate::run) fn check(job: &Job<'_>) -> Result<(), Error> {
     if job.resolved.project.region.is_empty() {
         return Ok(());
     }
-    Spreader { resolved: job.resolved, site: job.site()? }.check()
+    Ok(Spreader { resolved: job.resolved, site: job.site()? }.check()?)
 }
 
 /// Finds the points of a set in the scene: `hits.gmh` and `points.json`.
@@ -48,7 +48,7 @@ pub(in crate::run) fn place(job: &mut Job<'_>, set: &PlannedView) -> Result<(), 
     let spreader = Spreader { resolved: job.resolved, site: job.site()? };
     let mut points = match from {
         Points::File { sensors, map, .. } => spreader.file(&set.name, sensors, *map),
-        Points::Receivers => spreader.receivers(&|view| read_hits(job, view))?,
+        Points::Receivers => spreader.receivers(&|view| Ok(job.folder.read_hits(&view.name)?))?,
     };
     let placed = sensors::place(&points.sensors, spreader.site, trace.max_path_m, trace.seed);
     for group in &mut points.set.groups {
@@ -66,13 +66,6 @@ pub(in crate::run) fn place(job: &mut Job<'_>, set: &PlannedView) -> Result<(), 
     seal::write_bytes(&path, &text).map_err(|source| Error::Write { path, source })?;
     let facts = json!({ "points": points.sensors.len(), "groups": points.set.groups.len() });
     job.done(&unit, &key, &[name, list], began, facts)
-}
-
-/// The groups of a set, from their file.
-pub(in crate::run) fn read_points(folder: &Folder, set: &PlannedView) -> Result<PointSet, Error> {
-    let path = folder.at(&folder.points(&set.name));
-    let text = std::fs::read(&path).map_err(|source| Error::Read { path: path.clone(), source })?;
-    serde_json::from_slice(&text).map_err(|e| Error::Manifest { path, message: e.to_string() })
 }
 
 /// Reads what arrives at the points of each set: `sensors.csv`, `receivers.json`, and for each
@@ -105,7 +98,7 @@ fn one(
 ) -> Result<(), Error> {
     let began = Instant::now();
     let map = |file: &str| job.folder.map(&candidate.name, &set.name, file);
-    let hits = read_hits(job, set)?;
+    let hits = job.folder.read_hits(&set.name)?;
     let volume = Volume::open(&job.folder.at(&job.folder.series(&candidate.name, &set.name)))?;
     let store = telling_store(job, candidate)?;
     let points = read_points(&job.folder, set)?;

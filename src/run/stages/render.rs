@@ -11,13 +11,13 @@ use super::passing;
 use crate::base::{Grid, SpectralBasis, TileSink};
 use crate::pages::{Access, OpenOptions, Store};
 use crate::picture::{self, exr, hdr};
+use crate::project::key_of;
+use crate::project::{Candidate, PlannedView};
 use crate::render::{self, Fused, Gather, HitMap, Passed, Quantity, Series, Surfaces};
-use crate::run::Error;
 use crate::run::cpu::Watch;
+use crate::run::error::Error;
 use crate::run::job::{Job, Stage};
-use crate::run::manifest::key_of;
-use crate::run::resolve::{Candidate, PlannedView};
-use crate::volume::{self, TimeAxis, Volume, Writer};
+use crate::volume::{self, Rounded, TimeAxis, Volume, Writer};
 
 /// Suns that light the background picture: enough for soft shadows of a year.
 const BACKGROUND_SUNS: usize = 24;
@@ -68,7 +68,7 @@ fn background(job: &mut Job<'_>, view: &PlannedView) -> Result<(), Error> {
         return Ok(());
     }
     let began = Instant::now();
-    let hits = read_hits(job, view)?;
+    let hits = job.folder.read_hits(&view.name)?;
     let suns = render::representative_suns(job.timeline()?, BACKGROUND_SUNS);
     let picture = render::background(&view.view, &hits, job.site()?, &suns, job.progress)?;
     let name = job.folder.direct(&view.name);
@@ -78,11 +78,6 @@ fn background(job: &mut Job<'_>, view: &PlannedView) -> Result<(), Error> {
     let attributes = attributes(job, &key, &[("view", &view.name)]);
     exr::write(&path, &[("R", &r), ("G", &g), ("B", &b)], &attributes)?;
     job.done(&unit, &key, &[name], began, json!({ "suns": suns.len() }))
-}
-
-/// The hits of a view, from its file.
-pub(in crate::run) fn read_hits(job: &Job<'_>, view: &PlannedView) -> Result<HitMap, Error> {
-    Ok(HitMap::read(&job.folder.at(&job.folder.hits(&view.name)))?.0)
 }
 
 /// What EXR files say of their making.
@@ -117,7 +112,7 @@ fn maps(job: &mut Job<'_>, candidate: &Candidate, view: &PlannedView) -> Result<
         return Ok(());
     }
     let began = Instant::now();
-    let hits = read_hits(job, view)?;
+    let hits = job.folder.read_hits(&view.name)?;
     let store = open_store(job, candidate)?;
     let about = [("material", candidate.name.as_str()), ("view", view.name.as_str())];
     let about = (key.as_str(), &about[..]);
@@ -190,7 +185,7 @@ pub(super) fn fused<'a>(
     view: &PlannedView,
     thresholds: &[f64],
 ) -> Result<Vec<super::fused::Analysed<'a>>, Error> {
-    let hits = read_hits(job, view)?;
+    let hits = job.folder.read_hits(&view.name)?;
     let store = open_store(job, candidate)?;
     let gather = series_gather(job, view)?;
     let surfaces = gather.edges.then(|| job.site().map(Surfaces::of)).transpose()?;
@@ -251,8 +246,9 @@ fn written(
     let notes = job.folder.map(&candidate.name, &view.name, names(job, quantity).0);
     let notes = notes.with_extension("notes");
     let path = job.folder.prepare(&notes)?;
-    let noted = Noted::open(&writer, &path, about.0, hits.columns)?;
-    let with_air = air.as_ref().map(|a| a.series(&noted, quantity, gather.mantissa_bits));
+    let rounded = Rounded::new(&writer, view.mantissa_bits);
+    let noted = Noted::open(&rounded, &path, about.0, hits.columns)?;
+    let with_air = air.as_ref().map(|a| a.series(&noted, quantity));
     let sink: &dyn TileSink = match &with_air {
         Some(sink) => sink,
         None => &noted,
@@ -291,8 +287,7 @@ pub(super) fn writer(
     let name = job.folder.map(&candidate.name, &view.name, names(job, quantity).0);
     let path = job.folder.prepare(&name)?;
     let mut provenance = job.provenance(key, &about);
-    if view.annual.mantissa_bits < render::EXACT_BITS {
-        let most = format!("2^-{}", view.annual.mantissa_bits + 1);
+    if let Some(most) = Rounded::largest_relative_error(view.mantissa_bits) {
         provenance.about.insert("largest_relative_error".to_owned(), most);
     }
     let (columns, rows) = (hits.columns, hits.rows);

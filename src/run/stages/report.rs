@@ -11,11 +11,11 @@ use super::people;
 use super::photons::Traced;
 use super::pictures::read;
 use crate::base::{Grid, Provenance, SpectralBasis};
+use crate::project::key_of;
+use crate::project::{Candidate, PlannedMoment, PlannedView, RECEIVERS, Resolved};
 use crate::report::{Document, Figure, Section, Table, html};
-use crate::run::Error;
+use crate::run::error::Error;
 use crate::run::job::{Job, Stage};
-use crate::run::manifest::key_of;
-use crate::run::resolve::{Candidate, PlannedMoment, PlannedView, RECEIVERS, Resolved};
 
 /// Events that the report lists for a material, view and threshold.
 const EVENTS: usize = 5;

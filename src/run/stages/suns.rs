@@ -3,7 +3,7 @@ use std::time::Instant;
 use glintmap_formats::seal;
 use serde_json::json;
 
-use crate::run::Error;
+use crate::run::error::Error;
 use crate::run::job::{Job, Stage};
 use crate::sky;
 

@@ -3,13 +3,12 @@
 
 use super::band::{self, Band};
 use super::pictures::read;
-use super::render::read_hits;
 use crate::base::Grid;
-use crate::glare::rules::{Judged, Limit, Measured, Metrics, Outcome, Profile, Quantity};
+use crate::project::{Candidate, PlannedView};
 use crate::report::Table;
-use crate::run::Error;
+use crate::rules::{Judged, Limit, Measured, Metrics, Outcome, Profile, Quantity};
+use crate::run::error::Error;
 use crate::run::job::Job;
-use crate::run::resolve::{Candidate, PlannedView};
 
 /// One duration map in the unit that limits use.
 #[derive(Clone)]
@@ -35,7 +34,7 @@ pub(super) fn table(job: &Job<'_>, view: &PlannedView) -> Result<Option<Table>, 
     if profiles.is_empty() {
         return Ok(None);
     }
-    let hits = read_hits(job, view)?;
+    let hits = job.folder.read_hits(&view.name)?;
     let receivers = hits.hits.iter().filter(|h| h.kind.receives()).count();
     for candidate in &job.resolved.candidates {
         let durations = durations(job, candidate, view)?;

@@ -9,8 +9,8 @@ use glintmap_formats::npy;
 use crate::base::Grid;
 use crate::glare::{self, YearMap, YearRows};
 use crate::picture::exr;
-use crate::run::Error;
-use crate::run::clock::Clock;
+use crate::receivers::clock::Clock;
+use crate::run::error::Error;
 use crate::run::job::Job;
 use crate::volume::TimeAxis;
 

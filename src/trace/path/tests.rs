@@ -4,7 +4,7 @@ use glam::Vec3;
 
 use super::*;
 use crate::base::{Aabb, Gate, GateSheet, SpectralBasis, Timeline, Timestep};
-use crate::site::bsdf::{Bsdf, Chart, Cone, Model, Square, on_circle};
+use crate::bsdf::{Bsdf, Chart, Cone, Model, Square, on_circle};
 use crate::site::{Bvh, Face, Material, Object, PvSurface, Site, Triangle};
 use crate::trace::Settings;
 
@@ -194,7 +194,7 @@ fn kinds() -> Vec<Bsdf> {
     .iter()
     .map(|model| Bsdf::from_model(model).expect("valid"))
     .collect();
-    out.extend(crate::site::bsdf::samples().into_iter().take(4));
+    out.extend(crate::bsdf::samples().into_iter().take(4));
     out
 }
 

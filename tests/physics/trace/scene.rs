@@ -4,7 +4,7 @@ use glam::{DVec3, Vec3};
 use glintmap::base::{
     Aabb, Photon, PhotonSink, Silent, SinkError, SpectralBasis, Tally, Timeline, Timestep,
 };
-use glintmap::site::bsdf::{Bsdf, Model};
+use glintmap::bsdf::{Bsdf, Model};
 use glintmap::site::{Bvh, Face, Material, Object, PvSurface, Site, Triangle};
 use glintmap::trace::{Emission, Plan, Receivers, Settings, plan, run};
 

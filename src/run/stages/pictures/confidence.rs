@@ -2,7 +2,7 @@
 
 use super::{COVERED, Quantity, decades, of_views};
 use crate::picture::{Scale, scale};
-use crate::run::Error;
+use crate::run::error::Error;
 use crate::run::job::Job;
 
 /// Adds the pictures of what is known of noise; views of direct integration have none.

@@ -8,14 +8,13 @@ use glam::{DVec3, Vec3};
 use super::regions;
 use crate::picture::Figure;
 use crate::picture::figure::{AxisLabel, Marker, Polyline};
+use crate::project::PlannedView;
+use crate::receivers::points::Kind;
+use crate::receivers::points::read_points;
 use crate::render::{Projection, View};
-use crate::run::Error;
+use crate::run::error::Error;
 use crate::run::job::Job;
-use crate::run::points::Kind;
-use crate::run::resolve::PlannedView;
 use crate::run::stages::judged::receivers;
-use crate::run::stages::receivers::read_points;
-use crate::run::stages::render::read_hits;
 use crate::site::Site;
 
 const OUTLINE: [u8; 3] = [255, 255, 255];
@@ -82,7 +81,7 @@ impl Marks {
 /// Where the observers are, and in plans the middle of each region.
 fn places(job: &Job<'_>, view: &View) -> Result<Vec<(DVec3, String)>, Error> {
     let Some(set) = receivers(job) else { return Ok(Vec::new()) };
-    let hits = read_hits(job, set)?;
+    let hits = job.folder.read_hits(&set.name)?;
     let mut out = Vec::new();
     for group in read_points(&job.folder, set)?.groups {
         let plan = view.projection() == Projection::Parallel;

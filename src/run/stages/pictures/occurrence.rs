@@ -7,12 +7,12 @@ use crate::base::Timeline;
 use crate::glare::Lengths;
 use crate::picture::Chart;
 use crate::picture::chart::{Axis, Cell, SURFACES, Swatch};
-use crate::run::Error;
-use crate::run::clock::Clock;
+use crate::project::{Candidate, PlannedView};
+use crate::receivers::clock::Clock;
+use crate::receivers::points::Kind;
+use crate::receivers::received::GroupReceived;
+use crate::run::error::Error;
 use crate::run::job::Job;
-use crate::run::points::Kind;
-use crate::run::received::GroupReceived;
-use crate::run::resolve::{Candidate, PlannedView};
 use crate::run::stages::receivers::{occurrence, read_received};
 use crate::volume::TimeAxis;
 

@@ -3,13 +3,12 @@
 use std::collections::BTreeSet;
 
 use crate::picture::figure::Polyline;
+use crate::project::PlannedView;
+use crate::project::RegionTable;
+use crate::receivers::points::{Spreader, holds};
 use crate::render::{Hit, HitKind, HitMap};
-use crate::run::Error;
+use crate::run::error::Error;
 use crate::run::job::Job;
-use crate::run::points::{Spreader, holds};
-use crate::run::project::RegionTable;
-use crate::run::resolve::PlannedView;
-use crate::run::stages::render::read_hits;
 
 const OUTLINE: [u8; 3] = [120, 226, 255];
 
@@ -20,7 +19,7 @@ pub(super) fn outlines(job: &Job<'_>, planned: &PlannedView) -> Result<Vec<Polyl
         return Ok(Vec::new());
     }
     let spreader = Spreader { resolved: job.resolved, site: job.site()? };
-    let hits = read_hits(job, planned)?;
+    let hits = job.folder.read_hits(&planned.name)?;
     let mut out = Vec::new();
     for region in regions {
         let shown = shown(&spreader, region, planned, &hits)?;

@@ -2,10 +2,10 @@
 
 use super::{COVERED, Quantity, all, decades};
 use crate::picture::{Scale, scale};
-use crate::run::Error;
-use crate::run::clock::Clock;
+use crate::receivers::clock::Clock;
+use crate::report::words::MONTHS;
+use crate::run::error::Error;
 use crate::run::job::Job;
-use crate::run::words::MONTHS;
 
 /// What was read off the series as it is: the measure that rules judge.
 pub(super) fn quantities(

@@ -3,10 +3,10 @@
 use std::fmt::Write as _;
 
 use crate::base::Grid;
+use crate::receivers::clock::Clock;
+use crate::receivers::points::Group;
+use crate::receivers::received::Reading;
 use crate::render::HitMap;
-use crate::run::clock::Clock;
-use crate::run::points::Group;
-use crate::run::received::Reading;
 use crate::volume::TimeAxis;
 
 /// The columns of `sensors.csv`.

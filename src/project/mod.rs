@@ -1,0 +1,30 @@
+//! The project: what `project.toml` says, checked and with all defaults filled in, and the folder
+//! that its run leaves behind.
+//!
+//! [`Project`] is the file as it is written, table by table; [`Resolved`] is what the other rooms
+//! take. [`Folder`] names the files of a run, [`Manifest`] says what was made from what.
+
+mod create;
+mod error;
+mod folder;
+mod manifest;
+mod read;
+mod reader;
+mod resolve;
+mod set;
+mod shard;
+mod tables;
+mod view_tables;
+
+pub use create::{Demo, NewScene, PLAN_FILE, Quality, SiteAt, create, demo};
+pub use error::Error;
+pub use folder::Folder;
+pub use manifest::{Manifest, Unit, hash_path, key_of};
+pub use resolve::{
+    Camera, Candidate, DRAFT_BELOW_PHOTONS, MOMENTS, Made, PlannedMoment, PlannedView, Points,
+    RECEIVERS, Resolved,
+};
+pub use set::Assignment;
+pub use shard::Shard;
+pub use tables::{MaterialTable, Project, SiteTable};
+pub use view_tables::{Ids, MomentTable, ObserverTable, RegionTable, ViewTable};

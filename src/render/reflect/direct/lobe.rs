@@ -3,8 +3,8 @@
 use super::kernel::{Point, Sums};
 use super::suns::Suns;
 use crate::render::gather::estimate::MIN_COS;
-use crate::render::reflect::lobe::{FacetLobe, Outs};
 use crate::render::reflect::disc::DiscPoint;
+use crate::render::reflect::lobe::{FacetLobe, Outs};
 
 /// A lobe with all that depends on the suns alone.
 #[derive(Debug)]
@@ -16,10 +16,10 @@ pub(super) struct Lobe {
     pub hidden: Vec<f32>,
 }
 
-/// Places of the PV that stand for some area, as a spot sees them.
+/// Places of the PV that stand for some area, as a receiver sees them.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Ways {
-    /// From there to the spot in the facet's frame, m.
+    /// From there to the receiver in the facet's frame, m.
     pub way: [[f32; POINTS]; 3],
     /// Area, m2.
     pub area: [f32; POINTS],
@@ -53,7 +53,7 @@ impl Lobe {
     }
 
     /// Sun by sun, all points at once: for few suns, and for discs, which are `places`.
-    /// `toward`: the spot's normal, turned over, in the facet's frame.
+    /// `toward`: the receiver's normal, turned over, in the facet's frame.
     pub(super) fn add_points(
         &self,
         (ways, toward): (&Ways, [f32; 3]),

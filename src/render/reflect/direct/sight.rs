@@ -1,11 +1,19 @@
+//! Which suns each part of the PV sees: all that depends neither on materials nor on where light
+//! goes, so that it is asked once for all receivers and materials.
+//!
+//! Every node of a triangle's lattice is asked for every sun. A cell whose corners agree sees what they
+//! see; of one that a shadow's border crosses 16 parts are asked. Coarser cells have the mean of their
+//! four, and a bit that says whether it is the same all over, so that whoever descends knows at once
+//! where no border is.
+
 use glam::DVec3;
 use rayon::prelude::*;
 
 use super::suns::Suns;
 use crate::base::{Progress, Timeline};
-use crate::render::view::error::Error;
 use crate::render::reflect::facet::{Facet, facets};
 use crate::render::reflect::pv::{Cell, PvTriangle, levels};
+use crate::render::view::error::Error;
 use crate::site::Site;
 
 /// Edge of the cells between whose corners the PV is asked what it sees, m.

@@ -10,9 +10,9 @@ use std::f64::consts::TAU;
 
 use glam::DVec3;
 use glintmap::base::{Frame, Purpose, Silent, SpectralBasis, Stream, Timeline, Timestep};
+use glintmap::bsdf::{Bsdf, BsdfFile, PRESETS, Side, write};
 use glintmap::render::eye::{Eye, EyeInstant, EyeMaterial, EyePv, SunAt};
 use glintmap::render::{Direct, DirectScene, DirectScratch, DirectYear, PvSight};
-use glintmap::bsdf::{Bsdf, BsdfFile, PRESETS, Side, write};
 use glintmap::site::{Face, Material, Object, PvSurface, Site, Triangle};
 
 use super::bsdf_files::{klems, measured, tensor};

@@ -256,7 +256,7 @@ mod tests {
                 }
             }
         }
-        println!("{crossed} discs across borders, {worst:.1e?} at worst");
+        println!("{crossed} discs across borders, {worst:?} at worst");
         // Points count to some thousandths. Where values turn with azimuth, a slice of the disc is
         // looked at through one place of it: half of one may lie on the other side of a border.
         assert!(crossed > 100 && worst[0] < 0.01 && worst[1] < 0.2, "{crossed} {worst:?}");

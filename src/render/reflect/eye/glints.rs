@@ -18,8 +18,8 @@ use super::material::{EyeMaterial, UnderSun, WAYS};
 use super::patches::{EyePv, LitPv, Root, Seen, Shining};
 use super::shine::Waiting;
 use crate::base::Frame;
-use crate::render::reflect::pv::{Cell, SEEN, radius_m, solid_angle_sr};
 use crate::bsdf::Cone;
+use crate::render::reflect::pv::{Cell, SEEN, radius_m, solid_angle_sr};
 
 /// A patch of PV that shines at an eye.
 #[derive(Clone, Copy, Debug, PartialEq)]

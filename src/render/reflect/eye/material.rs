@@ -8,10 +8,10 @@ use glam::DVec3;
 use super::glints::{Glint, SunAt};
 use super::shine::{Shine, Waiting};
 use crate::base::Frame;
+use crate::bsdf::{Bsdf, Cone, Term, on_circle};
 use crate::render::reflect::disc::Disc;
 use crate::render::reflect::sunlit::SunlitFile;
 use crate::site::Site;
-use crate::bsdf::{Bsdf, Cone, Term, on_circle};
 
 /// How a PV surface scatters, with the width of its lobe.
 #[derive(Clone, Debug)]

@@ -13,12 +13,12 @@ use glam::DVec3;
 
 use super::instant::EyeInstant;
 use super::material::EyeMaterial;
+use crate::bsdf::Cone;
 use crate::render::reflect::facet::{Facet, facets};
 use crate::render::reflect::pv::{
     Cell, NOT_ASKED, Piece, PvTriangle, SEEN, common, seen_share, solid_angle_sr,
 };
 use crate::site::Site;
-use crate::bsdf::Cone;
 
 /// Edge of the cells between whose corners PV is asked what it sees, m.
 const CELL_M: f64 = 0.5;

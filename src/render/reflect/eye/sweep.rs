@@ -6,8 +6,8 @@ use super::instant::EyeInstant;
 use super::patches::{EyePv, LitPv, Seen};
 use super::{EyeMaterial, Glint, SunAt};
 use crate::base::{Progress, Timeline};
-use crate::render::view::error::Error;
 use crate::bsdf::Cone;
+use crate::render::view::error::Error;
 
 /// What must be exceeded for an instant to count.
 #[derive(Clone, Debug, Default, PartialEq)]

@@ -263,11 +263,12 @@ fn cases() -> Vec<Case> {
     out
 }
 
-/// Holds one way of looking against the twin.
-fn check(by: fn(&Site, &Bsdf, &Case) -> [f64; 2]) {
-    let mut wrong = Vec::new();
+/// Holds one way of looking against the twin. `wide`: what the bound may be in most cases, as a share,
+/// for a bound that allows anything says nothing.
+fn check(by: fn(&Site, &Bsdf, &Case) -> [f64; 2], wide: f64) {
+    let (mut wrong, mut vague) = (Vec::new(), Vec::new());
     for (file, bsdf) in files() {
-        let (mut worst, mut wide) = (0.0_f64, 0);
+        let (mut worst, mut count) = (0.0_f64, 0);
         let cases = cases();
         for case in &cases {
             let site = site(&case.walls);
@@ -283,24 +284,28 @@ fn check(by: fn(&Site, &Bsdf, &Case) -> [f64; 2]) {
                 100.0 * noise / expected
             );
             worst = worst.max(miss / expected.max(1e-9));
-            wide += usize::from(bound > 0.015 * expected && bound > 2e-3);
-            if miss > (0.01 * expected).max(bound) + noise + 1e-5 {
+            count += usize::from(bound > wide * expected && bound > 2e-3);
+            // The halves' difference is one draw of the twin's own error.
+            if miss > (0.01 * expected).max(bound) + 3.0 * noise + 1e-5 {
                 wrong.push(format!("{file}, {}: {found} of {expected}, bound {bound}", case.name));
             }
         }
         println!("{file}: {:.2} % at worst", 100.0 * worst);
-        // A bound that allows anything says nothing.
-        assert!(wide * 4 <= cases.len(), "{file}: the bound is wide in {wide} cases");
+        if count * 4 > cases.len() {
+            vague.push(format!("{file}: the bound is wide in {count} of {} cases", cases.len()));
+        }
     }
-    assert!(wrong.is_empty(), "{wrong:#?}");
+    assert!(wrong.is_empty() && vague.is_empty(), "{wrong:#?} {vague:#?}");
 }
 
 #[test]
 fn what_eyes_see_of_measured_pv_is_what_its_places_send() {
-    check(by_eye);
+    check(by_eye, 0.015);
 }
 
+/// Direct integration splits cells of PV at the borders of a file's cells down to 0.02 rad only, and its
+/// bound takes all of them for missed the same way.
 #[test]
 fn what_arrives_from_measured_pv_is_what_its_places_send() {
-    check(by_integral);
+    check(by_integral, 0.12);
 }

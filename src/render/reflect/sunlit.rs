@@ -35,7 +35,7 @@ const HALVINGS: u32 = 10;
 /// Slices of azimuth for each outgoing cell that they turn values over, and how many at least and
 /// at most.
 const SLICES_PER_CELL: f64 = 4.0;
-const SLICES: [f64; 2] = [4.0, 48.0];
+const SLICES: [f64; 2] = [6.0, 48.0];
 /// Corners of a polygon around the disc: where all of them and the middle lie in one incident cell, the
 /// disc does.
 const RIM: u32 = 16;

@@ -43,6 +43,7 @@ fn classify(cause: &(dyn std::error::Error + 'static)) -> Option<FaultKind> {
         crate::pages::Error,
         crate::picture::Error,
         crate::render::Error,
+        crate::render::GatherError,
         crate::project::Error,
         crate::receivers::Error,
         crate::report::Error,

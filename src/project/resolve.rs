@@ -13,11 +13,12 @@ use super::reader::Reader;
 use super::set::Assignment;
 use super::tables::{FileEntry, Project};
 use super::view_tables::{ObserverTable, RegionTable};
+use crate::base::Irradiance;
 use crate::base::Timeline;
 use crate::bsdf::{Bsdf, Model, Side, Spectrum};
 use crate::glare;
 use crate::render::sensors::Sensor;
-use crate::render::{Gather, Quantity, View};
+use crate::render::{Gather, View};
 use crate::rules::Profile;
 use crate::site::{PvSpec, SceneSpec};
 use crate::sky::{self, FarHorizon, Place, TimeSpec};
@@ -168,7 +169,7 @@ pub struct Resolved {
     /// How photons are traced.
     pub trace: trace::Settings,
     /// What is compared with the thresholds.
-    pub quantity: Quantity,
+    pub quantity: Irradiance,
     /// How glare is found; the threshold is filled in for each.
     pub glare: glare::Settings,
     /// What it is judged by.

@@ -3,9 +3,9 @@ use std::collections::BTreeMap;
 use glam::{DVec3, Vec3};
 
 use super::draft::{Draft, Shape};
-use super::load::Source;
 use super::log::Log;
 use super::select::{Candidate, Cut};
+use super::source::Source;
 use super::triangulate::{Flaw, MIN_AREA_M2, Triangulator, keeps_its_normal};
 use super::{Error, Face, Triangle};
 use crate::base::{Place, limits};

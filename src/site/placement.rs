@@ -5,8 +5,8 @@ use glam::{DMat3, DVec2, DVec3};
 use super::clip::Region;
 use super::convergence::true_north_deg;
 use super::draft::{Draft, Shape, in_reach};
-use super::load::Source;
 use super::log::Log;
+use super::source::Source;
 use super::{Coordinates, Error, Origin, SceneSpec};
 use crate::base::Place;
 

@@ -1,5 +1,6 @@
 use glam::DVec3;
 
+use super::compass::{BINS, compass};
 use super::emitter::{Emitter, Piece, Pieces, reach_m};
 use super::reach::Reach;
 use super::skyline::{Column, Skyline};
@@ -7,8 +8,6 @@ use crate::base::Gate;
 use crate::bsdf::Cone;
 use crate::site::Site;
 
-/// Directions of the compass that are told apart.
-pub(super) const BINS: usize = 512;
 /// A column this small against its distance is not looked into further.
 const FINE_ENOUGH: f64 = 0.03;
 /// Triangles looked at over all emitters; emitters beyond have no horizon and trace every ray.
@@ -93,20 +92,6 @@ pub(super) fn span_of(gate: &Gate) -> Span {
     let n = gate.normal;
     let half = (DVec3::ONE - n * n).max(DVec3::ZERO).map(f64::sqrt) * gate.radius_m;
     (gate.centre - half, gate.centre + half)
-}
-
-/// A number that grows with the azimuth, from 0 (x axis) over 1 (y axis) to 4, without
-/// trigonometry.
-#[inline]
-pub(super) fn compass(x: f64, y: f64) -> f64 {
-    let turn = if x.abs() + y.abs() > 0.0 { y / (x.abs() + y.abs()) } else { 0.0 };
-    if x < 0.0 {
-        2.0 - turn
-    } else if turn < 0.0 {
-        4.0 + turn
-    } else {
-        turn
-    }
 }
 
 impl Horizon {
@@ -369,20 +354,6 @@ fn bins_of(corners: [(f64, f64); 4]) -> (usize, usize) {
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn the_compass_grows_all_the_way_round() {
-        let mut last = -1.0;
-        for i in 0..3600 {
-            let angle = (f64::from(i) * 0.1).to_radians();
-            let now = compass(libm::cos(angle), libm::sin(angle));
-            assert!(now > last && (0.0..4.0).contains(&now), "at {}: {now}", f64::from(i) * 0.1);
-            last = now;
-        }
-        for (x, y, at) in [(1.0, 0.0, 0.0), (0.0, 2.0, 1.0), (-1.0, 0.0, 2.0), (0.0, -1.0, 3.0)] {
-            assert_eq!(compass(x, y), at);
-        }
-    }
 
     #[test]
     fn bins_hold_every_direction_of_a_rectangle() {

@@ -30,6 +30,7 @@
 mod aim;
 mod batch;
 mod clip;
+mod compass;
 mod disc;
 mod emission;
 mod emitter;
@@ -38,16 +39,18 @@ mod gates;
 mod horizon;
 mod path;
 mod pilot;
+mod plan;
 mod power;
 mod reach;
 mod replay;
 mod skyline;
 mod yields;
 
-pub use batch::{BATCH_PHOTONS, UnitSink, run, run_units};
+pub use batch::{UnitSink, run, run_units};
 pub use emission::{Emission, Receivers, Settings};
 pub use error::Error;
 pub use gates::Through;
 pub use path::Tracer;
-pub use pilot::{Plan, plan};
+pub use pilot::plan;
+pub use plan::{BATCH_PHOTONS, Plan};
 pub use replay::Retold;

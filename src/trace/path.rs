@@ -10,7 +10,6 @@ use super::emitter::{Emitter, emitters};
 use super::gates::{Gates, Through};
 use super::horizon::{Horizon, gate_horizons, horizons};
 use super::power::{Aim, Power, Shares, Sources};
-use super::replay::{Retold, lobe, word};
 use super::yields::Yields;
 use crate::base::{Fate, Photon, Purpose, Stream, Tally};
 use crate::sky;
@@ -18,7 +17,7 @@ use crate::sky;
 /// Everything that photons need, worked out once: horizons, and what falls to which timestep.
 pub struct Tracer<'a> {
     pub(super) emission: &'a Emission<'a>,
-    emitters: Vec<Emitter<'a>>,
+    pub(super) emitters: Vec<Emitter<'a>>,
     /// What can be reached within the path limit.
     horizons: Vec<Option<Horizon>>,
     /// What can be seen at all.
@@ -27,7 +26,7 @@ pub struct Tracer<'a> {
     disc: Disc,
     /// See [`aim::budget`].
     budget: usize,
-    power: Power,
+    pub(super) power: Power,
     max_path_m: f32,
     /// Month of each timestep from 0; empty where no crown changes with the season.
     months: Vec<u8>,
@@ -44,25 +43,26 @@ pub(super) struct Batch {
 
 /// One photon's way.
 #[derive(Clone, Copy, Debug)]
-struct Path {
-    fate: Fate,
+pub(super) struct Path {
+    pub fate: Fate,
     /// Unit vector to the point of the sun's disc that it came from.
-    to_sun: DVec3,
+    pub to_sun: DVec3,
     /// See [`crate::bsdf::Scattered`].
-    weight: f64,
+    pub weight: f64,
     /// Flux that left the PV, W.
-    left_w: f64,
+    pub left_w: f64,
     /// `None`: the photon died in the PV.
-    flight: Option<Flight>,
+    pub flight: Option<Flight>,
 }
 
+/// Where a photon flew that left the PV.
 #[derive(Clone, Copy, Debug)]
-struct Flight {
+pub(super) struct Flight {
     /// `None`: whatever the point, nothing is reached.
-    start: Option<DVec3>,
-    direction: DVec3,
+    pub start: Option<DVec3>,
+    pub direction: DVec3,
     /// Distance and triangle.
-    hit: Option<(f32, u32)>,
+    pub hit: Option<(f32, u32)>,
 }
 
 /// Which photons: of how many, and drawn for what.
@@ -168,7 +168,7 @@ impl<'a> Tracer<'a> {
         tally
     }
 
-    fn sources(&self) -> Sources<'_> {
+    pub(super) fn sources(&self) -> Sources<'_> {
         Sources {
             emitters: &self.emitters,
             horizons: &self.horizons,
@@ -219,7 +219,13 @@ impl<'a> Tracer<'a> {
 
     /// Follows one photon from the sun to its end.
     #[inline]
-    fn follow(&self, shares: &Shares, aim: &Aim, each_w: f64, random: &mut Stream) -> Path {
+    pub(super) fn follow(
+        &self,
+        shares: &Shares,
+        aim: &Aim,
+        each_w: f64,
+        random: &mut Stream,
+    ) -> Path {
         let emitter = &self.emitters[aim.emitter];
         let to_sun = self.disc.direction(&shares.sun, random.uniform(), random.uniform());
         let incident = emitter.frame.local_from_world(to_sun);
@@ -266,7 +272,7 @@ impl<'a> Tracer<'a> {
 
     /// What is stored of a photon, if it is.
     #[inline]
-    fn photon(&self, shares: &Shares, aim: &Aim, path: &Path) -> Option<Photon> {
+    pub(super) fn photon(&self, shares: &Shares, aim: &Aim, path: &Path) -> Option<Photon> {
         if path.fate != Fate::Stored {
             return None;
         }
@@ -309,44 +315,6 @@ impl<'a> Tracer<'a> {
                 surface: self.emitters[aim.emitter].surface,
             });
         });
-    }
-
-    /// See [`Tracer::replay`]. `None` only where nothing can be sent at all.
-    pub(super) fn retell(&self, draw: Draw, number: u64) -> Option<Retold> {
-        let each_w = self.power.total_w() / draw.emitted as f64;
-        let mut random = Stream::new(draw.seed, draw.purpose, number);
-        let at_w = (number as f64 + random.uniform()) * each_w;
-        let shares = Shares::of(&self.sources(), self.power.find(at_w));
-        let aim = *shares.at(at_w - self.power.before_w(shares.step), &mut 0)?;
-        let path = self.follow(&shares, &aim, each_w, &mut random);
-        let emitter = &self.emitters[aim.emitter];
-        let pv = &self.emission.site.pv[usize::from(emitter.surface)];
-        let start = path.flight.and_then(|f| f.start);
-        let hit = path.flight.and_then(|f| f.hit);
-        let looked = start.is_some() && self.emission.settings.sun_visibility;
-        let target = aim.target;
-        Some(Retold {
-            photon: number,
-            emitted: draw.emitted,
-            timestep: shares.step,
-            to_sun: path.to_sun.to_array(),
-            surface: emitter.surface,
-            back: emitter.frame.z.dot(pv.normal) < 0.0,
-            incidence_deg: libm::acos(emitter.frame.z.dot(path.to_sun).clamp(-1.0, 1.0))
-                .to_degrees(),
-            lobe: lobe(target.square.chart),
-            lobe_share: target.square.area(),
-            area_share: target.share,
-            weight: path.weight,
-            start: start.map(|p| p.to_array()),
-            direction: path.flight.map(|f| f.direction.to_array()),
-            sun_visible: looked.then_some(path.fate != Fate::Blocked),
-            fate: word(path.fate),
-            distance_m: hit.map(|h| h.0),
-            triangle: hit.map(|h| h.1),
-            landed: self.photon(&shares, &aim, &path).map(|p| p.position.to_array()),
-            flux_w: path.left_w,
-        })
     }
 
     /// The way to the sun, and the flight: what becomes of the photon, and if it hits something

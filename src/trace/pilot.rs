@@ -1,7 +1,8 @@
 use super::Error;
-use super::batch::{BATCH_PHOTONS, send_all};
+use super::batch::send_all;
 use super::emission::Emission;
 use super::path::{Draw, Tracer};
+use super::plan::{BATCH_PHOTONS, Plan};
 use crate::base::{Progress, Purpose, Tally};
 
 /// Landed photons that a pilot counts: the share that lands is then known to 0.5 % or better.
@@ -17,21 +18,6 @@ const PILOT_PATIENCE: u64 = 1 << 24;
 const LEAST_SENT: u64 = 1 << 24;
 /// Photons that a run may send.
 const MOST_EMITTED: f64 = (1_u64 << 48) as f64;
-
-/// How many photons a run sends: what the pilot found.
-#[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
-pub struct Plan {
-    /// Photons that the run sends.
-    pub emitted: u64,
-    /// Photons that the pilot sent, and threw away.
-    pub pilot_emitted: u64,
-    /// Of these, how many landed where they would have been stored.
-    pub pilot_stored: u64,
-    /// Flux of each photon of the run, W.
-    pub photon_w: f64,
-    /// Where the pilot's photons and flux went.
-    pub pilot: Tally,
-}
 
 /// Finds how many photons to send so that `settings.stored` land. Deterministic: sends photons of
 /// their own in growing rounds, each spread over the whole year, until about 40,000 have landed

@@ -23,7 +23,7 @@ mod write;
 
 pub use axis::{TimeAxis, read_segments, segments_from_numbers};
 pub use fault::Error;
-pub use layout::{CHUNK_TIMESTEPS, Quantity};
+pub use layout::CHUNK_TIMESTEPS;
 pub use read::Volume;
 pub use survey::Survey;
 pub use transfer::{export_npy, import_npy};

@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 use std::path::Path;
 
 use super::{Reader, view_file};
+use crate::base::Irradiance;
 use crate::base::limits;
 use crate::bsdf::{Bsdf, BsdfFile};
 use crate::glare;
@@ -12,7 +13,7 @@ use crate::project::manifest::hash_path;
 use crate::project::resolve::{Candidate, Made, PlannedView};
 use crate::project::tables::MaterialTable;
 use crate::project::view_tables::ViewTable;
-use crate::render::{EXACT_BITS, Estimator, Gather, Kernel, Quantity, View};
+use crate::render::{EXACT_BITS, Estimator, Gather, Kernel, View};
 use crate::trace::{self, Receivers};
 
 impl Reader<'_> {
@@ -296,10 +297,10 @@ impl Reader<'_> {
         })
     }
 
-    pub fn quantity(&self) -> Result<Quantity, Error> {
+    pub fn quantity(&self) -> Result<Irradiance, Error> {
         match self.project.glare.quantity.as_str() {
-            "surface" => Ok(Quantity::Surface),
-            "normal" => Ok(Quantity::Normal),
+            "surface" => Ok(Irradiance::Surface),
+            "normal" => Ok(Irradiance::FacingBeam),
             other => Err(self.wrong(format!(
                 "glare.quantity: expected \"surface\" or \"normal\", found \"{other}\""
             ))),

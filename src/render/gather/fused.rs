@@ -5,15 +5,14 @@ use std::sync::Mutex;
 
 use rayon::prelude::*;
 
-use super::annual::Fluxes;
-use super::annual::Gather;
-use super::series::TileSeries;
-use super::series::{Quantity, Series, SeriesSummary};
-use super::share::{Beam, Recorded, Scratch, Shared};
+use super::error::Error;
+use super::flux::{Beam, Fluxes};
+use super::series::{Series, SeriesSummary, TileSeries};
+use super::settings::Gather;
+use super::share::{Recorded, Scratch, Shared};
 use super::surfaces::Surfaces;
-use crate::base::{Grid, Progress, TileRect, TileSink};
+use crate::base::{Grid, Irradiance, Progress, TileRect, TileSink};
 use crate::pages::Store;
-use crate::render::view::error::Error;
 use crate::render::view::hits::HitMap;
 use crate::render::view::order::Order;
 
@@ -24,7 +23,7 @@ pub struct Fused<'a> {
     shared: Shared<'a>,
     fluxes: Fluxes,
     order: Order<'a>,
-    how: (Quantity, u32),
+    how: (Irradiance, u32),
     tiles: Vec<(TileRect, Recorded)>,
     /// What is known of the series.
     pub series: Series,
@@ -49,7 +48,7 @@ impl<'a> Fused<'a> {
         surfaces: Option<&'a Surfaces<'a>>,
         hits: &'a HitMap,
         settings: &Gather,
-        (quantity, whole): (Quantity, Option<&dyn TileSink>),
+        (quantity, whole): (Irradiance, Option<&dyn TileSink>),
         progress: &dyn Progress,
     ) -> Result<Self, Error> {
         let shared = Shared::new(store, surfaces, settings)?;
@@ -77,7 +76,7 @@ impl<'a> Fused<'a> {
                 let mut summary = SeriesSummary { tiles_rendered: 1, ..Default::default() };
                 let mut recorded = Recorded::default();
                 let mut noise = Vec::new();
-                let spots = order.spots(tile);
+                let spots = order.query_points(tile);
                 let record = Some(&mut recorded);
                 let mut entries = vec![0u64; timesteps as usize];
                 shared.tile(&spots, scratch, &integers, record, |spot, mut found| {
@@ -141,7 +140,7 @@ impl<'a> Fused<'a> {
             |(scratch, tile_series), (tile, recorded)| {
                 progress.check()?;
                 tile_series.clear();
-                let spots = self.order.spots(*tile);
+                let spots = self.order.query_points(*tile);
                 let what = (recorded, &timesteps);
                 self.shared.again(&spots, scratch, &integers, what, |spot, mut found| {
                     tile_series.pixel(spot.pixel, &mut found, &self.fluxes, self.how);

@@ -3,28 +3,17 @@ use std::sync::Mutex;
 
 use rayon::prelude::*;
 
-use super::annual::Gather;
-use super::annual::{Fluxes, rounded, weighed};
 use super::candidates::Change;
-use super::fixed::square;
-use super::loaded::Light;
-use super::share::{Beam, Found, Scratch, Shared, Spot};
+use super::error::Error;
+use super::flux::{Beam, Fluxes, rounded, square, weighed};
+use super::photon_set::Light;
+use super::settings::Gather;
+use super::share::{Found, Scratch, Shared};
 use super::surfaces::Surfaces;
-use crate::base::{Grid, Progress, SeriesEntry, TileSink};
+use crate::base::{Grid, Irradiance, Progress, SeriesEntry, TileSink};
 use crate::pages::Store;
-use crate::render::view::error::Error;
 use crate::render::view::hits::HitMap;
-use crate::render::view::order::Order;
-
-/// Which irradiance a series holds.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
-pub enum Quantity {
-    /// E, on the surface.
-    #[default]
-    Surface,
-    /// E_n, on a plane that faces each photon's beam.
-    Normal,
-}
+use crate::render::view::order::{Order, QueryPoint};
 
 /// What is known of a time series beside its numbers.
 #[derive(Clone, Debug, PartialEq)]
@@ -173,12 +162,12 @@ impl TileSeries {
         pixel: u16,
         found: &mut Found<'_>,
         fluxes: &Fluxes,
-        (quantity, mantissa_bits): (Quantity, u32),
+        (quantity, mantissa_bits): (Irradiance, u32),
     ) -> PixelSeries {
         let scale = fluxes.scale(quantity);
         let of = |light: &Light| match quantity {
-            Quantity::Surface => light.surface,
-            Quantity::Normal => light.normal,
+            Irradiance::Surface => light.surface,
+            Irradiance::FacingBeam => light.normal,
         };
         found.changes(|change| match change {
             Change::Anew => self.anew(),
@@ -262,7 +251,7 @@ pub fn series(
     surfaces: Option<&Surfaces<'_>>,
     hits: &HitMap,
     settings: &Gather,
-    quantity: Quantity,
+    quantity: Irradiance,
     sink: &dyn TileSink,
     progress: &dyn Progress,
 ) -> Result<Series, Error> {
@@ -284,12 +273,12 @@ pub fn series(
             let mut summary = SeriesSummary::default();
             tile_series.clear();
             noise.clear();
-            let spots = order.spots(tile);
+            let spots = order.query_points(tile);
             let there = sink.has(tile);
             let noted = if there { sink.noted(tile) } else { None };
             if let Some(noted) = noted.filter(|n| n.len() >= 2 * tile.pixels()) {
                 let (photon, radius) = noted.split_at(tile.pixels());
-                let of = |spot: &Spot| {
+                let of = |spot: &QueryPoint| {
                     let pixel = usize::from(spot.pixel);
                     (order.index(tile, spot.pixel), photon[pixel], radius[pixel])
                 };

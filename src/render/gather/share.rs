@@ -13,14 +13,16 @@ use std::ops::Range;
 
 use glam::Vec3;
 
-use super::annual::Gather;
 use super::candidates::{Answer, Bound, Candidates, Change, Last, Wanted};
+use super::error::Error;
 use super::estimate::{Kernel, MIN_RADIUS_M};
-use super::loaded::{Light, Loaded};
+use super::flux::Beam;
+use super::photon_set::{Light, PhotonSet};
+use super::settings::Gather;
 use super::surfaces::{Mask, Plane, Surfaces, Tolerance};
 use crate::base::Aabb;
 use crate::pages::{ALWAYS, Neighbour, Neighbours, Query, Store};
-use crate::render::view::error::Error;
+use crate::render::view::order::QueryPoint;
 
 /// How much farther than its middle pixel a group looks.
 const AHEAD: f32 = 1.5;
@@ -50,24 +52,6 @@ const PLANE_STEP_M: f32 = 0.01;
 /// Smallest share of a disc that counts as its area: on less than that nothing can be measured.
 const LEAST_SHARE: f64 = 1.0 / 64.0;
 
-/// What of a photon becomes irradiance.
-#[derive(Clone, Copy, Debug)]
-pub(in crate::render) struct Beam {
-    pub flux_w: f32,
-    /// Cosine of incidence.
-    pub cos: f32,
-    pub timestep: u32,
-}
-
-/// A pixel on a surface.
-#[derive(Clone, Copy, Debug)]
-pub(in crate::render) struct Spot {
-    /// Which pixel of the tile.
-    pub pixel: u16,
-    pub position: Vec3,
-    pub normal: Vec3,
-}
-
 /// A box that reaches farther on all sides.
 fn grown(around: Aabb, reach_m: f32) -> Aabb {
     let reach = Vec3::splat(reach_m);
@@ -79,7 +63,7 @@ fn wider(reach_m: f32) -> f32 {
     reach_m * 1.0002 + 1e-4
 }
 
-fn around<'s>(group: impl Iterator<Item = &'s Spot>) -> Aabb {
+fn around<'s>(group: impl Iterator<Item = &'s QueryPoint>) -> Aabb {
     Aabb::around(group.map(|s| s.position))
 }
 
@@ -93,7 +77,7 @@ struct Reach {
 }
 
 impl Reach {
-    fn of(group: &[Spot], reach_m: f32, tolerance: Tolerance) -> Self {
+    fn of(group: &[QueryPoint], reach_m: f32, tolerance: Tolerance) -> Self {
         let (around, wide_m) = (around(group.iter()), wider(reach_m));
         let alone = (group.len() == 1).then(|| (group[0].normal, tolerance.normal_cos));
         Self { region: grown(around, wide_m), around, wide_m, alone }
@@ -120,7 +104,7 @@ pub(in crate::render) struct Disc {
 /// A disc and what lies in it.
 pub(in crate::render) struct Found<'a> {
     pub disc: Disc,
-    loaded: &'a Loaded,
+    loaded: &'a PhotonSet,
     candidates: &'a mut Candidates,
 }
 
@@ -152,9 +136,9 @@ pub(in crate::render) struct Recorded {
 #[derive(Default)]
 pub(in crate::render) struct Scratch {
     pilot: Neighbours,
-    loaded: Loaded,
-    own: Loaded,
-    tile: Loaded,
+    loaded: PhotonSet,
+    own: PhotonSet,
+    tile: PhotonSet,
     candidates: Candidates,
     mask: Mask,
     places: Vec<Vec3>,
@@ -192,11 +176,11 @@ impl<'a> Shared<'a> {
     /// what is summed.
     pub fn tile(
         &self,
-        spots: &[Spot],
+        spots: &[QueryPoint],
         scratch: &mut Scratch,
         value: &impl Fn(Beam) -> [i64; 2],
         recorded: Option<&mut Recorded>,
-        mut each: impl FnMut(&Spot, Found<'_>),
+        mut each: impl FnMut(&QueryPoint, Found<'_>),
     ) -> Result<(), Error> {
         let mut jobs = vec![((0..spots.len() as u32).collect::<Vec<u32>>(), None)];
         let mut record = Recorded { groups: Vec::new(), discs: vec![None; spots.len()] };
@@ -209,7 +193,7 @@ impl<'a> Shared<'a> {
                 jobs.push((numbers[middle..].to_vec(), reach_m));
                 jobs.push((numbers[..middle].to_vec(), reach_m));
             };
-            let group: Vec<Spot> = numbers.iter().map(|&n| spots[n as usize]).collect();
+            let group: Vec<QueryPoint> = numbers.iter().map(|&n| spots[n as usize]).collect();
             let reach_m = match reach_m {
                 Some(reach_m) => reach_m,
                 None => {
@@ -274,11 +258,11 @@ impl<'a> Shared<'a> {
     /// Does again what was recorded, for the photons of some timesteps.
     pub fn again(
         &self,
-        spots: &[Spot],
+        spots: &[QueryPoint],
         scratch: &mut Scratch,
         value: &impl Fn(Beam) -> [i64; 2],
         (recorded, timesteps): (&Recorded, &Range<u32>),
-        mut each: impl FnMut(&Spot, Found<'_>),
+        mut each: impl FnMut(&QueryPoint, Found<'_>),
     ) -> Result<(), Error> {
         // Groups of a tile look at much the same photons: few timesteps are read once for all.
         let reached = |(numbers, reach_m): &(Vec<u32>, f32)| {
@@ -294,7 +278,7 @@ impl<'a> Shared<'a> {
             None => false,
         };
         for (number, (numbers, reach_m)) in recorded.groups.iter().enumerate() {
-            let group: Vec<Spot> = numbers.iter().map(|&n| spots[n as usize]).collect();
+            let group: Vec<QueryPoint> = numbers.iter().map(|&n| spots[n as usize]).collect();
             if whole {
                 let reach = Reach::of(&group, *reach_m, self.tolerance);
                 scratch.loaded.take_in(&tile, reach.region, |p, n| reach.holds(p, n));
@@ -322,7 +306,7 @@ impl<'a> Shared<'a> {
     }
 
     /// Whether a group is better off together.
-    fn worth(&self, group: &[Spot], reach_m: f32, found: usize) -> Result<bool, Error> {
+    fn worth(&self, group: &[QueryPoint], reach_m: f32, found: usize) -> Result<bool, Error> {
         let around = Aabb::around(group.iter().map(|s| s.position));
         let extent = around.size().max_element();
         if self.surfaces.is_some() && extent > MOST_REACHES * reach_m {
@@ -338,7 +322,7 @@ impl<'a> Shared<'a> {
         self.surfaces.is_none() && self.gather.is_open()
     }
 
-    fn query(&self, spot: &Spot) -> Query {
+    fn query(&self, spot: &QueryPoint) -> Query {
         Query {
             point: spot.position,
             normal: spot.normal,
@@ -348,7 +332,7 @@ impl<'a> Shared<'a> {
     }
 
     /// Radius that a pixel needs on an open surface, m, and the photons within.
-    fn pilot(&self, spot: &Spot, scratch: &mut Scratch) -> Result<(f32, usize), Error> {
+    fn pilot(&self, spot: &QueryPoint, scratch: &mut Scratch) -> Result<(f32, usize), Error> {
         let found = &mut scratch.pilot;
         self.store.nearest(&self.query(spot), found)?;
         let radius_m = match found.farthest().filter(|_| found.full()) {
@@ -361,7 +345,7 @@ impl<'a> Shared<'a> {
     /// The disc of a pixel on an open surface, by a search of its own.
     fn alone<'s>(
         &self,
-        spot: &Spot,
+        spot: &QueryPoint,
         scratch: &'s mut Scratch,
         value: &impl Fn(Beam) -> [i64; 2],
     ) -> Result<Found<'s>, Error> {
@@ -392,7 +376,7 @@ impl<'a> Shared<'a> {
     /// Loads the photons of some timesteps within reach of a group; false where they are too many.
     fn load(
         &self,
-        group: &[Spot],
+        group: &[QueryPoint],
         (reach_m, timesteps): (f32, &Range<u32>),
         scratch: &mut Scratch,
         value: &impl Fn(Beam) -> [i64; 2],
@@ -409,7 +393,7 @@ impl<'a> Shared<'a> {
         (region, timesteps): (Aabb, &Range<u32>),
         most: usize,
         accept: impl Fn(Vec3, Vec3) -> bool,
-        (out, value): (&mut Loaded, &impl Fn(Beam) -> [i64; 2]),
+        (out, value): (&mut PhotonSet, &impl Fn(Beam) -> [i64; 2]),
     ) -> Result<bool, Error> {
         out.clear();
         let mut too_many = false;

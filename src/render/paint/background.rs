@@ -8,7 +8,7 @@ use crate::render::view::camera::{Projection, View, ViewRay};
 use crate::render::view::error::Error;
 use crate::render::view::hits::first_surface;
 use crate::render::view::hits::{Hit, HitKind, HitMap};
-use crate::render::view::seen::LIFT_M;
+use crate::render::view::pv_visibility::LIFT_M;
 use crate::site::Site;
 
 /// Sky directions of one pixel, and pixels of a square whose edge is [`SQUARE`] that share them

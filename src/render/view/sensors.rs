@@ -5,7 +5,7 @@ use glam::DVec3;
 
 use super::error::Error;
 use super::hits::{Hit, HitKind, HitMap};
-use super::seen::SeenPv;
+use super::pv_visibility::{PvInView, PvVisibility};
 use crate::base::{Gate, limits};
 use crate::site::Site;
 
@@ -35,17 +35,6 @@ pub enum Footing {
     Pv,
     /// Nothing: photons pass, and are counted where they cross a [`Gate`].
     Air,
-}
-
-/// What a point sees of the PV, by the 64 points that are tested on it.
-#[derive(Clone, Copy, Debug, Default, PartialEq, serde::Serialize, serde::Deserialize)]
-pub struct PvInView {
-    /// Distance to the nearest visible one, m.
-    pub nearest_m: f64,
-    /// Largest angle between two visible ones, degrees.
-    pub widest_deg: f64,
-    /// Solid angle of the visible share of the PV, sr.
-    pub solid_angle_sr: f64,
 }
 
 /// The sensors of a set, checked against the scene.
@@ -122,7 +111,7 @@ fn sensor(line: &str) -> Result<Sensor, String> {
 /// the photons there are found. In the hits all others are [`HitKind::Clipped`] (or
 /// [`HitKind::Pv`]): no photons are looked for on surfaces there, and `footing` says why.
 pub fn place(sensors: &[Sensor], site: &Site, max_path_m: f64, seed: u64) -> Placed {
-    let seen = SeenPv::spread(site, seed);
+    let seen = PvVisibility::spread(site, seed);
     let mut placed = Placed {
         hits: HitMap { columns: sensors.len(), rows: 1, hits: Vec::with_capacity(sensors.len()) },
         footing: Vec::with_capacity(sensors.len()),

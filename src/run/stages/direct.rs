@@ -8,14 +8,14 @@ use serde_json::json;
 
 use super::fused;
 use super::render::{About, attributes, names, peak, write_peak, writer};
-use crate::base::{Grid, SinkError, TileRect, TileSink, limits, tiles};
+use crate::base::{Grid, Irradiance, SinkError, TileRect, TileSink, limits, tiles};
 use crate::picture::{exr, hdr};
 use crate::project::Folder;
 use crate::project::{Candidate, PlannedView};
 use crate::receivers::air::InAir;
 use crate::receivers::points::read_points;
 use crate::render::{
-    self, Direct, DirectScene, DirectSinks, FusedDirect, HitMap, PvSight, Quantity, TileYear,
+    self, Direct, DirectScene, DirectSinks, FusedDirect, HitMap, PvSight, TileYear,
 };
 use crate::run::error::Error;
 use crate::run::job::{Job, Stage};
@@ -89,14 +89,11 @@ fn written(
     candidate: &Candidate,
     view: &PlannedView,
     (direct, hits): (&Direct<'_>, &HitMap),
-    (about, quantity): (About<'_>, Quantity),
+    (about, quantity): (About<'_>, Irradiance),
     keep: Keep<'_>,
     outputs: &mut Vec<PathBuf>,
 ) -> Result<serde_json::Value, Error> {
-    let other = match quantity {
-        Quantity::Surface => Quantity::Normal,
-        Quantity::Normal => Quantity::Surface,
-    };
+    let other = quantity.other();
     let writer_of = |quantity| writer(job, candidate, view, (about.0, quantity), hits);
     let other = view.both.then(|| Ok::<_, Error>((other, writer_of(other)?))).transpose()?;
     let writer = writer_of(quantity)?;

@@ -12,7 +12,7 @@ use crate::project::{Candidate, PlannedView};
 use crate::receivers::air::{Crossings, InAir, STORE};
 use crate::receivers::points::read_points;
 use crate::render::sensors;
-use crate::render::{Hit, HitMap, Passed};
+use crate::render::{Hit, HitMap, VirtualSensors};
 use crate::run::error::Error;
 use crate::run::job::{Job, Stage};
 use crate::trace::{Emission, Settings, Through, Tracer};
@@ -30,9 +30,9 @@ pub(super) struct Made {
 
 impl Made {
     /// What maps and series are made from.
-    pub fn passed(&self) -> Passed<'_> {
+    pub fn passed(&self) -> VirtualSensors<'_> {
         let Crossings { air, store } = &self.crossings;
-        Passed { store, gates: &self.gates, sheet: air.sheet, sensors: &air.points }
+        VirtualSensors { store, gates: &self.gates, sheet: air.sheet, sensors: &air.points }
     }
 }
 

@@ -8,12 +8,12 @@ use serde_json::json;
 use super::direct;
 use super::noted::Noted;
 use super::passing;
-use crate::base::{Grid, SpectralBasis, TileSink};
+use crate::base::{Grid, Irradiance, SpectralBasis, TileSink};
 use crate::pages::{Access, OpenOptions, Store};
 use crate::picture::{self, exr, hdr};
 use crate::project::key_of;
 use crate::project::{Candidate, PlannedView};
-use crate::render::{self, Fused, Gather, HitMap, Passed, Quantity, Series, Surfaces};
+use crate::render::{self, Fused, Gather, HitMap, Series, Surfaces, VirtualSensors};
 use crate::run::cpu::Watch;
 use crate::run::error::Error;
 use crate::run::job::{Job, Stage};
@@ -144,11 +144,7 @@ fn maps(job: &mut Job<'_>, candidate: &Candidate, view: &PlannedView) -> Result<
         };
         let made = written(quantity)?;
         if view.both {
-            let other = match quantity {
-                Quantity::Surface => Quantity::Normal,
-                Quantity::Normal => Quantity::Surface,
-            };
-            written(other)?;
+            written(quantity.other())?;
         }
         made
     };
@@ -235,10 +231,10 @@ type MadeFrom<'a> = (&'a Store, Option<&'a Surfaces<'a>>, &'a HitMap);
 fn written(
     job: &Job<'_>,
     (store, surfaces, hits): MadeFrom<'_>,
-    air: Option<Passed<'_>>,
+    air: Option<VirtualSensors<'_>>,
     candidate: &Candidate,
     view: &PlannedView,
-    (about, quantity): (About<'_>, Quantity),
+    (about, quantity): (About<'_>, Irradiance),
     outputs: &mut Vec<PathBuf>,
 ) -> Result<(Series, serde_json::Value), Error> {
     let gather = series_gather(job, view)?;
@@ -266,11 +262,11 @@ fn written(
 }
 
 /// Names of the series and the peak of a quantity.
-pub(super) fn names(job: &Job<'_>, quantity: Quantity) -> (&'static str, &'static str) {
+pub(super) fn names(job: &Job<'_>, quantity: Irradiance) -> (&'static str, &'static str) {
     match quantity {
         _ if quantity == job.resolved.quantity => ("series.zarr", "peak.exr"),
-        Quantity::Surface => ("series_surface.zarr", "peak_surface.exr"),
-        Quantity::Normal => ("series_normal.zarr", "peak_normal.exr"),
+        Irradiance::Surface => ("series_surface.zarr", "peak_surface.exr"),
+        Irradiance::FacingBeam => ("series_normal.zarr", "peak_normal.exr"),
     }
 }
 
@@ -279,7 +275,7 @@ pub(super) fn writer(
     job: &Job<'_>,
     candidate: &Candidate,
     view: &PlannedView,
-    (key, quantity): (&str, Quantity),
+    (key, quantity): (&str, Irradiance),
     hits: &HitMap,
 ) -> Result<Writer, Error> {
     let about = [("material", candidate.name.as_str()), ("view", view.name.as_str())];
@@ -291,7 +287,6 @@ pub(super) fn writer(
         provenance.about.insert("largest_relative_error".to_owned(), most);
     }
     let (columns, rows) = (hits.columns, hits.rows);
-    let quantity = written_quantity(quantity);
     let create =
         |timeline| Writer::create_or_resume(&path, timeline, columns, rows, quantity, &provenance);
     match create(job.timeline()?) {
@@ -307,7 +302,7 @@ pub(super) fn writer(
 fn annual(
     job: &Job<'_>,
     (store, surfaces, hits): MadeFrom<'_>,
-    air: Option<Passed<'_>>,
+    air: Option<VirtualSensors<'_>>,
     candidate: &Candidate,
     view: &PlannedView,
     (key, about): (&str, &[(&str, &str)]),
@@ -362,7 +357,7 @@ pub(super) fn peak(
     candidate: &Candidate,
     view: &PlannedView,
     about: About<'_>,
-    quantity: Quantity,
+    quantity: Irradiance,
 ) -> Result<PathBuf, Error> {
     let series = job.folder.map(&candidate.name, &view.name, names(job, quantity).0);
     let volume = Volume::open(&job.folder.at(&series))?;
@@ -377,7 +372,7 @@ pub(super) fn write_peak(
     candidate: &Candidate,
     view: &PlannedView,
     (key, about): About<'_>,
-    quantity: Quantity,
+    quantity: Irradiance,
     peak: &Grid<f32>,
 ) -> Result<PathBuf, Error> {
     let name = job.folder.map(&candidate.name, &view.name, names(job, quantity).1);
@@ -387,25 +382,17 @@ pub(super) fn write_peak(
 }
 
 /// Name of the channel of `peak.exr`.
-pub(super) fn peak_channel(quantity: Quantity) -> &'static str {
+pub(super) fn peak_channel(quantity: Irradiance) -> &'static str {
     match quantity {
-        Quantity::Surface => "peak.w_m2",
-        Quantity::Normal => "peak_normal.w_m2",
+        Irradiance::Surface => "peak.w_m2",
+        Irradiance::FacingBeam => "peak_normal.w_m2",
     }
 }
 
 /// Which irradiance it is, for people.
-pub(super) fn quantity_words(quantity: Quantity) -> &'static str {
+pub(super) fn quantity_words(quantity: Irradiance) -> &'static str {
     match quantity {
-        Quantity::Surface => "on the surface",
-        Quantity::Normal => "normal to the beam",
-    }
-}
-
-/// The volume's word for what was rendered; neither room knows the other.
-fn written_quantity(quantity: Quantity) -> volume::Quantity {
-    match quantity {
-        Quantity::Surface => volume::Quantity::Surface,
-        Quantity::Normal => volume::Quantity::Normal,
+        Irradiance::Surface => "on the surface",
+        Irradiance::FacingBeam => "normal to the beam",
     }
 }

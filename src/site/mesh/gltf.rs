@@ -5,7 +5,8 @@ use glam::{DMat4, DVec3};
 use gltf::mesh::Mode;
 
 use super::accessor::Buffers;
-use super::model::{Colour, Facet, Mesh};
+use super::model::{Colour, Mesh};
+use super::patches::MeshTriangle;
 use crate::base::{Place, limits};
 use crate::site::Files;
 use crate::site::log::Log;
@@ -261,7 +262,7 @@ impl Reader {
                 return Err(format!("more than {} triangles", limits::MAX_TRIANGLES));
             }
             let corners = [a, b, c].map(|i| first + order[i]);
-            self.mesh.triangles.push(Facet { corners, object, material, line: 0 });
+            self.mesh.triangles.push(MeshTriangle { corners, object, material, line: 0 });
         }
         Ok(())
     }

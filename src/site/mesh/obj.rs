@@ -3,7 +3,8 @@ use std::path::Path;
 
 use glam::DVec3;
 
-use super::model::{Colour, Facet, Mesh, Polygon};
+use super::model::{Colour, Mesh, Polygon};
+use super::patches::MeshTriangle;
 use crate::base::{Place, limits};
 use crate::site::Files;
 use crate::site::log::Log;
@@ -179,7 +180,12 @@ impl Reader<'_> {
                 limits::MAX_POLYGON_VERTICES
             ));
         } else if let &[a, b, c] = corners {
-            self.mesh.triangles.push(Facet { corners: [a, b, c], object, material, line: number });
+            self.mesh.triangles.push(MeshTriangle {
+                corners: [a, b, c],
+                object,
+                material,
+                line: number,
+            });
         }
         if let Some(message) = wrong {
             self.mesh.corners.truncate(first);

@@ -2,7 +2,8 @@ use std::path::Path;
 
 use glam::DVec3;
 
-use super::model::{Colour, Facet, Mesh, Polygon};
+use super::model::{Colour, Mesh, Polygon};
+use super::patches::MeshTriangle;
 use crate::base::{Place, limits};
 use crate::site::log::Log;
 
@@ -236,7 +237,7 @@ fn body(header: &Header, bytes: &[u8], stem: String) -> Result<Mesh, Wrong> {
             match mesh.corners[first..] {
                 [a, b, c] => {
                     mesh.corners.truncate(first);
-                    mesh.triangles.push(Facet {
+                    mesh.triangles.push(MeshTriangle {
                         corners: [a, b, c],
                         object: 0,
                         material: 0,

@@ -7,7 +7,7 @@ impl Shared<'_> {
     /// were found before (and spots that are none of this group's).
     pub(super) fn group(
         &self,
-        group: &[Spot],
+        group: &[QueryPoint],
         reach_m: f32,
         scratch: &mut Scratch,
         known: impl Fn(usize) -> Option<Option<Disc>>,
@@ -77,10 +77,10 @@ impl Shared<'_> {
     /// Answers spots of one plane and component, neighbours from one list of candidates.
     fn spots(
         &self,
-        group: &[Spot],
+        group: &[QueryPoint],
         todo: &[(u32, Option<Disc>)],
         (reach_m, mask, accept): (f32, Option<&Mask>, Option<&impl Fn(Vec3, Vec3) -> bool>),
-        (loaded, candidates): (&Loaded, &mut Candidates),
+        (loaded, candidates): (&PhotonSet, &mut Candidates),
         answer: &mut impl FnMut(usize, Option<Found<'_>>),
     ) {
         let (count, estimator) = (self.gather.bandwidth, self.gather.estimator);

@@ -1,8 +1,14 @@
-//! Sums that don't depend on their order: flux as integers.
+//! Sums that don't depend on their order: what photons add to an irradiance, as integers.
 //!
 //! Pixels that share their candidates meet the same photons in another order than pixels that
 //! search alone. Integers make both the same to the last bit. A value is rounded to
 //! [`BITS`] bits below the largest that a store can hold, 3e-11 of it.
+
+use crate::base::{Irradiance, MIN_COS};
+use crate::pages::Store;
+
+/// Bits of mantissa of an f32.
+pub const EXACT_BITS: u32 = 23;
 
 /// Bits of the largest value.
 const BITS: i32 = 35;
@@ -60,6 +66,69 @@ pub(in crate::render) fn square(integer: i64) -> i64 {
     coarse * coarse
 }
 
+/// What of a photon becomes irradiance.
+#[derive(Clone, Copy, Debug)]
+pub(in crate::render) struct Beam {
+    pub flux_w: f32,
+    /// Cosine of incidence.
+    pub cos: f32,
+    pub timestep: u32,
+}
+
+/// What photons add to E and E_n, as integers: flux in W times the weight of their timestep.
+pub(in crate::render) struct Fluxes {
+    pub surface: Scale,
+    pub facing: Scale,
+}
+
+impl Fluxes {
+    pub fn of(store: &Store, largest_weight: f64) -> Self {
+        let largest = f64::from(store.info().flux_max_w) * largest_weight;
+        Self { surface: Scale::up_to(largest), facing: Scale::up_to(largest / f64::from(MIN_COS)) }
+    }
+
+    pub fn integers(&self, beam: Beam, weight: f64) -> [i64; 2] {
+        let flux = f64::from(beam.flux_w) * weight;
+        let facing = flux / f64::from(beam.cos.max(MIN_COS));
+        [self.surface.integer(flux), self.facing.integer(facing)]
+    }
+
+    /// The same where only one quantity is asked for; the other is 0.
+    pub fn integers_of(&self, quantity: Irradiance, beam: Beam) -> [i64; 2] {
+        let flux = f64::from(beam.flux_w);
+        match quantity {
+            Irradiance::Surface => [self.surface.integer(flux), 0],
+            Irradiance::FacingBeam => {
+                [0, self.facing.integer(flux / f64::from(beam.cos.max(MIN_COS)))]
+            }
+        }
+    }
+
+    /// How integers of a quantity become W again.
+    pub fn scale(&self, quantity: Irradiance) -> Scale {
+        match quantity {
+            Irradiance::Surface => self.surface,
+            Irradiance::FacingBeam => self.facing,
+        }
+    }
+}
+
+/// A number with fewer bits of mantissa, to the nearest, ties to even.
+pub(in crate::render) fn rounded(value: f32, mantissa_bits: u32) -> f32 {
+    let drop = EXACT_BITS.saturating_sub(mantissa_bits);
+    if drop == 0 || !value.is_finite() {
+        return value;
+    }
+    let bits = value.to_bits();
+    let half = (1 << (drop - 1)) - 1 + (bits >> drop & 1);
+    f32::from_bits((bits + half) >> drop << drop)
+}
+
+/// An integer under a kernel's weight.
+pub(in crate::render) fn weighed(integer: i64, kernel: f64) -> i64 {
+    if kernel == 1.0 { integer } else { (integer as f64 * kernel).round_ties_even() as i64 }
+}
+
 const _: () = assert!(BITS + 1 + MOST_PHOTONS.ilog2() as i32 <= 62);
 const _: () = assert!(2 * (BITS + 2 - SQUARE_SHIFT as i32) + MOST_PHOTONS.ilog2() as i32 <= 62);
 
@@ -91,5 +160,23 @@ mod tests {
         let half = |halves: f64| Scale::up_to(0.0).integer(halves / 2.0);
         assert_eq!([half(1.0), half(3.0), half(5.0), half(-1.0)], [0, 2, 2, 0]);
         assert_eq!(Scale::up_to(0.0).integer(f64::NAN), 0);
+    }
+
+    #[test]
+    fn fewer_bits_err_by_no_more_than_is_said() {
+        for bits in [1, 7, 12, 22, 23] {
+            let mut worst = 0.0f64;
+            for i in 1..20_000u32 {
+                let exact = i as f32 * 0.37;
+                let found = rounded(exact, bits);
+                worst = worst.max((f64::from(found) / f64::from(exact) - 1.0).abs());
+                assert_eq!(found.to_bits() & ((1 << (EXACT_BITS - bits)) - 1), 0);
+            }
+            let most = libm::exp2(-f64::from(bits) - 1.0);
+            assert!(worst <= most, "{bits}: {worst}");
+            assert!(bits == 23 || worst > 0.5 * most, "{bits}: {worst}");
+        }
+        assert_eq!(rounded(0.0, 5).to_bits(), 0);
+        assert_eq!(rounded(f32::MAX, 5), f32::INFINITY);
     }
 }

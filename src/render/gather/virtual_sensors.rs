@@ -5,18 +5,16 @@
 
 use std::ops::Range;
 
-use super::annual::{Annual, Fluxes, rounded};
-use super::fixed::square;
-use super::series::TileSeries;
-use super::series::{Quantity, Series};
-use super::share::Beam;
-use crate::base::{Gate, GateSheet, SeriesEntry, SinkError, TileRect, TileSink};
+use super::annual::Annual;
+use super::error::Error;
+use super::flux::{Beam, EXACT_BITS, Fluxes, rounded, square};
+use super::series::{Series, TileSeries};
+use crate::base::{Gate, GateSheet, Irradiance, SeriesEntry, SinkError, TileRect, TileSink};
 use crate::pages::{ALWAYS, Store};
-use crate::render::view::error::Error;
 
 /// The gates of a set of sensors and what crossed them.
 #[derive(Clone, Copy)]
-pub struct Passed<'a> {
+pub struct VirtualSensors<'a> {
     /// The crossings.
     pub store: &'a Store,
     /// The gates.
@@ -31,7 +29,7 @@ fn area_m2(gate: &Gate) -> f64 {
     std::f64::consts::PI * gate.radius_m * gate.radius_m
 }
 
-impl<'a> Passed<'a> {
+impl<'a> VirtualSensors<'a> {
     /// Calls `each` with the photons of a gate.
     fn photons(&self, gate: usize, mut each: impl FnMut(Beam)) -> Result<(), Error> {
         self.store.lit_in_box(self.sheet.cell(gate), &ALWAYS, |_, _, _, light| {
@@ -56,7 +54,8 @@ impl<'a> Passed<'a> {
                 normal = normal.wrapping_add(e_n);
                 squares = squares.wrapping_add(square(e));
             })?;
-            let (of_e, of_n) = (fluxes.scale(Quantity::Surface), fluxes.scale(Quantity::Normal));
+            let (of_e, of_n) =
+                (fluxes.scale(Irradiance::Surface), fluxes.scale(Irradiance::FacingBeam));
             let at = self.sensors[number];
             annual.surface.data_mut()[at] = (of_e.value(surface) / area_m2(gate)) as f32;
             annual.normal.data_mut()[at] = (of_n.value(normal) / area_m2(gate)) as f32;
@@ -71,22 +70,22 @@ impl<'a> Passed<'a> {
     pub fn series<'s>(
         &'s self,
         sink: &'s dyn TileSink,
-        quantity: Quantity,
+        quantity: Irradiance,
         mantissa_bits: u32,
-    ) -> PassedSeries<'s> {
-        PassedSeries { passed: self, sink, quantity, mantissa_bits }
+    ) -> SensorSeries<'s> {
+        SensorSeries { passed: self, sink, quantity, mantissa_bits }
     }
 
     /// Fills in what one photon stands for at the sensors in free air, and counts their photons.
     ///
     /// # Errors
     /// [`Error::Pages`].
-    pub fn add_noise(&self, series: &mut Series, quantity: Quantity) -> Result<(), Error> {
+    pub fn add_noise(&self, series: &mut Series, quantity: Irradiance) -> Result<(), Error> {
         let fluxes = Fluxes::of(self.store, 1.0);
         let mut made = TileSeries::new(0..self.store.info().timesteps);
         for (number, gate) in self.gates.iter().enumerate() {
             let (photon_w_m2, photons, lit) =
-                self.one(number, 0, &fluxes, (quantity, super::annual::EXACT_BITS), &mut made)?;
+                self.one(number, 0, &fluxes, (quantity, EXACT_BITS), &mut made)?;
             let at = self.sensors[number];
             series.photon_w_m2.data_mut()[at] = photon_w_m2;
             series.radius_m.data_mut()[at] = gate.radius_m as f32;
@@ -107,7 +106,7 @@ impl<'a> Passed<'a> {
         gate: usize,
         pixel: u16,
         fluxes: &Fluxes,
-        (quantity, mantissa_bits): (Quantity, u32),
+        (quantity, mantissa_bits): (Irradiance, u32),
         out: &mut TileSeries,
     ) -> Result<(f32, u64, usize), Error> {
         let scale = fluxes.scale(quantity);
@@ -117,8 +116,8 @@ impl<'a> Passed<'a> {
             let timestep = beam.timestep;
             let [e, e_n] = fluxes.integers_of(quantity, beam);
             let own = match quantity {
-                Quantity::Surface => e,
-                Quantity::Normal => e_n,
+                Irradiance::Surface => e,
+                Irradiance::FacingBeam => e_n,
             };
             out.add(timestep, own);
             sum = sum.wrapping_add(own);
@@ -139,15 +138,15 @@ impl<'a> Passed<'a> {
     }
 }
 
-/// See [`Passed::series`].
-pub struct PassedSeries<'a> {
-    passed: &'a Passed<'a>,
+/// See [`VirtualSensors::series`].
+pub struct SensorSeries<'a> {
+    passed: &'a VirtualSensors<'a>,
     sink: &'a dyn TileSink,
-    quantity: Quantity,
+    quantity: Irradiance,
     mantissa_bits: u32,
 }
 
-impl TileSink for PassedSeries<'_> {
+impl TileSink for SensorSeries<'_> {
     fn has(&self, tile: TileRect) -> bool {
         self.sink.has(tile)
     }

@@ -14,7 +14,7 @@ pub mod reflect;
 pub mod view;
 
 pub use gather::{
-    Annual, DECIDED, EXACT_BITS, Error as GatherError, Estimate, Estimator, Fused, Gather, Kernel,
+    Annual, DECIDED, Error as GatherError, Estimate, Estimator, Fused, Gather, Kernel,
     MIN_RADIUS_M, SensorSeries, Series, SeriesSummary, Surfaces, VirtualSensors, annual, estimate,
     series, undecided,
 };

@@ -7,9 +7,6 @@
 use crate::base::{Irradiance, MIN_COS};
 use crate::pages::Store;
 
-/// Bits of mantissa of an f32.
-pub const EXACT_BITS: u32 = 23;
-
 /// Bits of the largest value.
 const BITS: i32 = 35;
 /// Bits that squares lose before they are taken, so that millions of them fit.
@@ -113,17 +110,6 @@ impl Fluxes {
     }
 }
 
-/// A number with fewer bits of mantissa, to the nearest, ties to even.
-pub(in crate::render) fn rounded(value: f32, mantissa_bits: u32) -> f32 {
-    let drop = EXACT_BITS.saturating_sub(mantissa_bits);
-    if drop == 0 || !value.is_finite() {
-        return value;
-    }
-    let bits = value.to_bits();
-    let half = (1 << (drop - 1)) - 1 + (bits >> drop & 1);
-    f32::from_bits((bits + half) >> drop << drop)
-}
-
 /// An integer under a kernel's weight.
 pub(in crate::render) fn weighed(integer: i64, kernel: f64) -> i64 {
     if kernel == 1.0 { integer } else { (integer as f64 * kernel).round_ties_even() as i64 }
@@ -160,23 +146,5 @@ mod tests {
         let half = |halves: f64| Scale::up_to(0.0).integer(halves / 2.0);
         assert_eq!([half(1.0), half(3.0), half(5.0), half(-1.0)], [0, 2, 2, 0]);
         assert_eq!(Scale::up_to(0.0).integer(f64::NAN), 0);
-    }
-
-    #[test]
-    fn fewer_bits_err_by_no_more_than_is_said() {
-        for bits in [1, 7, 12, 22, 23] {
-            let mut worst = 0.0f64;
-            for i in 1..20_000u32 {
-                let exact = i as f32 * 0.37;
-                let found = rounded(exact, bits);
-                worst = worst.max((f64::from(found) / f64::from(exact) - 1.0).abs());
-                assert_eq!(found.to_bits() & ((1 << (EXACT_BITS - bits)) - 1), 0);
-            }
-            let most = libm::exp2(-f64::from(bits) - 1.0);
-            assert!(worst <= most, "{bits}: {worst}");
-            assert!(bits == 23 || worst > 0.5 * most, "{bits}: {worst}");
-        }
-        assert_eq!(rounded(0.0, 5).to_bits(), 0);
-        assert_eq!(rounded(f32::MAX, 5), f32::INFINITY);
     }
 }

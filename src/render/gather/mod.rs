@@ -19,7 +19,6 @@ pub use annual::{Annual, annual};
 pub use confidence::{DECIDED, undecided};
 pub use error::Error;
 pub use estimate::{Estimate, Estimator, Kernel, MIN_RADIUS_M, estimate};
-pub use flux::EXACT_BITS;
 pub use fused::Fused;
 pub use series::{Series, SeriesSummary, series};
 pub use settings::Gather;

@@ -1,6 +1,6 @@
 use super::error::Error;
 use super::estimate::{Estimator, Kernel};
-use super::flux::{EXACT_BITS, MOST_PHOTONS};
+use super::flux::MOST_PHOTONS;
 use super::surfaces::Tolerance;
 use crate::pages::Store;
 
@@ -26,9 +26,6 @@ pub struct Gather {
     pub plane_tolerance_m: Option<f32>,
     /// Whether a disc ends where its surface ends and at walls that stand on it.
     pub edges: bool,
-    /// Bits of mantissa that a time series keeps, 1 to 23 (all): the relative error of a number
-    /// is at most `2^-(bits + 1)`. Fewer compress better. Maps are exact.
-    pub mantissa_bits: u32,
 }
 
 impl Default for Gather {
@@ -41,7 +38,6 @@ impl Default for Gather {
             normal_tolerance_deg: 60.0,
             plane_tolerance_m: Some(0.25),
             edges: true,
-            mantissa_bits: EXACT_BITS,
         }
     }
 }
@@ -66,11 +62,6 @@ impl Gather {
                 "plane_tolerance_m is {}, expected 0.01 m or more",
                 self.plane_tolerance_m.unwrap_or_default()
             );
-            return Err(Error::Settings { what });
-        }
-        if !(1..=EXACT_BITS).contains(&self.mantissa_bits) {
-            let bits = self.mantissa_bits;
-            let what = format!("mantissa_bits is {bits}, expected 1 to {EXACT_BITS}");
             return Err(Error::Settings { what });
         }
         let radius = self.max_radius_m.unwrap_or_else(|| store.max_radius_m(self.bandwidth));

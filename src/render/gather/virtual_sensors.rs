@@ -7,7 +7,7 @@ use std::ops::Range;
 
 use super::annual::Annual;
 use super::error::Error;
-use super::flux::{Beam, EXACT_BITS, Fluxes, rounded, square};
+use super::flux::{Beam, Fluxes, square};
 use super::series::{Series, TileSeries};
 use crate::base::{Gate, GateSheet, Irradiance, SeriesEntry, SinkError, TileRect, TileSink};
 use crate::pages::{ALWAYS, Store};
@@ -67,13 +67,8 @@ impl<'a> VirtualSensors<'a> {
     }
 
     /// A sink that adds the sensors in free air to the tiles that come to it.
-    pub fn series<'s>(
-        &'s self,
-        sink: &'s dyn TileSink,
-        quantity: Irradiance,
-        mantissa_bits: u32,
-    ) -> SensorSeries<'s> {
-        SensorSeries { passed: self, sink, quantity, mantissa_bits }
+    pub fn series<'s>(&'s self, sink: &'s dyn TileSink, quantity: Irradiance) -> SensorSeries<'s> {
+        SensorSeries { passed: self, sink, quantity }
     }
 
     /// Fills in what one photon stands for at the sensors in free air, and counts their photons.
@@ -84,8 +79,7 @@ impl<'a> VirtualSensors<'a> {
         let fluxes = Fluxes::of(self.store, 1.0);
         let mut made = TileSeries::new(0..self.store.info().timesteps);
         for (number, gate) in self.gates.iter().enumerate() {
-            let (photon_w_m2, photons, lit) =
-                self.one(number, 0, &fluxes, (quantity, EXACT_BITS), &mut made)?;
+            let (photon_w_m2, photons, lit) = self.one(number, 0, &fluxes, quantity, &mut made)?;
             let at = self.sensors[number];
             series.photon_w_m2.data_mut()[at] = photon_w_m2;
             series.radius_m.data_mut()[at] = gate.radius_m as f32;
@@ -106,7 +100,7 @@ impl<'a> VirtualSensors<'a> {
         gate: usize,
         pixel: u16,
         fluxes: &Fluxes,
-        (quantity, mantissa_bits): (Irradiance, u32),
+        quantity: Irradiance,
         out: &mut TileSeries,
     ) -> Result<(f32, u64, usize), Error> {
         let scale = fluxes.scale(quantity);
@@ -125,7 +119,7 @@ impl<'a> VirtualSensors<'a> {
             photons += 1;
         })?;
         let area_m2 = area_m2(&self.gates[gate]);
-        let value = |sum| rounded((scale.value(sum) / area_m2) as f32, mantissa_bits);
+        let value = |sum| (scale.value(sum) / area_m2) as f32;
         let lit = out.end(pixel, value);
         let mean = scale.square_value(squares) / scale.value(sum).max(f64::MIN_POSITIVE);
         Ok(((mean / area_m2) as f32, photons, lit))
@@ -143,7 +137,6 @@ pub struct SensorSeries<'a> {
     passed: &'a VirtualSensors<'a>,
     sink: &'a dyn TileSink,
     quantity: Irradiance,
-    mantissa_bits: u32,
 }
 
 impl TileSink for SensorSeries<'_> {
@@ -157,9 +150,8 @@ impl TileSink for SensorSeries<'_> {
         let mut made = TileSeries::new(0..passed.store.info().timesteps);
         for gate in passed.between(tile.column..tile.column + tile.columns) {
             let pixel = (passed.sensors[gate] - tile.column) as u16;
-            let how = (self.quantity, self.mantissa_bits);
             passed
-                .one(gate, pixel, &fluxes, how, &mut made)
+                .one(gate, pixel, &fluxes, self.quantity, &mut made)
                 .map_err(|e| SinkError::Io(std::io::Error::other(e)))?;
         }
         let mut all = [entries, made.sorted()].concat();

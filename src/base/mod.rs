@@ -3,7 +3,6 @@
 
 mod fault;
 mod finding;
-mod gate;
 mod grid;
 mod header;
 mod irradiance;
@@ -16,10 +15,10 @@ mod seam;
 mod space;
 mod tally;
 mod time;
+mod virtual_sensor;
 
 pub use fault::FaultKind;
 pub use finding::{Finding, Place, Severity};
-pub use gate::{Gate, GateSheet};
 pub use grid::{Grid, TileRect, tiles};
 pub use header::Provenance;
 pub use irradiance::{Irradiance, MIN_COS};
@@ -30,3 +29,4 @@ pub use seam::{PhotonSink, SeriesEntry, SinkError, TileSink};
 pub use space::{Aabb, Frame};
 pub use tally::{Account, Fate, Tally};
 pub use time::{SpectralBasis, Timeline, Timestep};
+pub use virtual_sensor::{SensorSheet, VirtualSensor};

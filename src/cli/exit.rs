@@ -38,7 +38,7 @@ fn classify(cause: &(dyn std::error::Error + 'static)) -> Option<FaultKind> {
         return Some(FaultKind::Interrupted);
     }
     rooms!(
-        super::ours::Error,
+        super::own_format::Error,
         crate::glare::Error,
         crate::pages::Error,
         crate::picture::Error,

@@ -13,7 +13,7 @@ mod glare;
 mod inspect;
 mod mirror;
 mod new;
-mod ours;
+mod own_format;
 mod picture;
 mod plan;
 mod probe;

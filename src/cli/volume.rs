@@ -1,3 +1,5 @@
+//! `glintmap volume`: looks into a time series, exports and imports it.
+
 mod pictures;
 
 use std::fmt::Write as _;

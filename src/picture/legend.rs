@@ -1,3 +1,8 @@
+//! The legend of a figure: the colour bar, its ticks and the notes below it.
+//!
+//! Its size has to be known before the sheet can be laid out, and its place only afterwards: so
+//! [`Block::of`] measures, the layout places, and [`draw`] draws.
+
 use super::Figure;
 use super::canvas::{Canvas, HAIRLINE, INK, Rect, SOFT_INK, mix};
 use super::compose::{BARE, Contours, colored};

@@ -1,3 +1,5 @@
+//! From the draft to triangles: polygons are cut, slivers left out, PV outlines cut into faces.
+
 use std::collections::BTreeMap;
 
 use glam::{DVec3, Vec3};

@@ -1,3 +1,9 @@
+//! Reads a whole scene: the order in which everything about a site happens.
+//!
+//! Files are read into a draft, then the coordinate system, the origin and true north are settled, the
+//! draft is moved, rows of modules are added, polygons are cut into triangles, and the PV is picked.
+//! Faults of all files are collected before anything is refused.
+
 use std::path::Path;
 
 use super::build::Builder;

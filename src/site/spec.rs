@@ -1,3 +1,5 @@
+//! What a project says about a scene and its PV, before any file is opened.
+
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 

@@ -1,3 +1,5 @@
+//! Why times, places or suns can't be used: one variant for each mistake.
+
 use std::path::PathBuf;
 
 use crate::base::FaultKind;

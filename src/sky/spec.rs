@@ -1,3 +1,5 @@
+//! Which instants a project asks for, by which sun, and how strong it is.
+
 use std::str::FromStr;
 
 use super::{DayRange, Error, HourRange};

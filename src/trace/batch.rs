@@ -1,3 +1,10 @@
+//! Sending photons in batches, in order, on any number of threads.
+//!
+//! A batch is a fixed range of photon numbers: its content depends on nothing else, as random numbers are
+//! counter-based. Batches are traced in parallel, window by window, and delivered one after the other
+//! while the next window is traced. Units are ranges of batches that are sealed and resumed as a whole,
+//! cut by the plan alone, so that shards and machines agree on them.
+
 use std::ops::Range;
 
 use rayon::prelude::*;
@@ -63,7 +70,7 @@ impl Tracer<'_> {
         progress: &dyn Progress,
     ) -> Result<(), Error> {
         let seed = self.emission.settings.seed;
-        let purpose = if self.gates.is_some() { Purpose::Gate } else { Purpose::Photon };
+        let purpose = if self.sensors.is_some() { Purpose::Sensor } else { Purpose::Photon };
         let draw = Draw { purpose, seed, emitted: plan.emitted };
         let count = |&unit: &u64| {
             let numbers = plan.unit(unit);

@@ -1,4 +1,10 @@
-use std::sync::Mutex;
+//! The annual map: of each pixel, the photons of the whole year as one irradiance.
+//!
+//! Each photon counts with its flux times the hours of its timestep; [`super::share`] finds the photons of
+//! a pixel and says which of them came and went since the pixel before, so that a sum is kept instead of
+//! made anew. Sums are of integers ([`super::flux`]), hence the same for any order of tiles and threads.
+
+use std::sync::{Mutex, PoisonError};
 
 use rayon::prelude::*;
 
@@ -19,7 +25,7 @@ pub struct Annual {
     /// Radiant exposure of the surface, Wh/m2.
     pub surface: Grid<f32>,
     /// Radiant exposure on planes that face the beams (E_n), Wh/m2.
-    pub normal: Grid<f32>,
+    pub facing_beam: Grid<f32>,
     /// Standard error of `surface`, Wh/m2: what photons landing at random make of it.
     pub error: Grid<f32>,
     /// Radius of the disc behind each value, m.
@@ -31,7 +37,7 @@ pub struct Annual {
 struct Value {
     index: usize,
     surface: f32,
-    normal: f32,
+    facing_beam: f32,
     error: f32,
     radius_m: f32,
     floored: bool,
@@ -65,7 +71,7 @@ pub fn annual(
     let empty = || Grid::filled(hits.columns, hits.rows, 0.0f32);
     let result = Mutex::new(Annual {
         surface: empty(),
-        normal: empty(),
+        facing_beam: empty(),
         error: empty(),
         radius_m: empty(),
         floored: 0,
@@ -79,32 +85,32 @@ pub fn annual(
         |(scratch, values), &tile| {
             progress.check()?;
             values.clear();
-            let (mut surface, mut normal, mut squares) = (0i64, 0i64, 0i64);
+            let (mut surface, mut facing_beam, mut squares) = (0i64, 0i64, 0i64);
             shared.tile(
                 &order.query_points(tile),
                 scratch,
                 &integers,
                 None,
-                |spot, mut found| {
+                |point, mut found| {
                     found.changes(|change| match change {
-                        Change::Anew => (surface, normal, squares) = (0, 0, 0),
+                        Change::Anew => (surface, facing_beam, squares) = (0, 0, 0),
                         Change::In(light, kernel) => {
                             let own = weighed(light.surface, kernel);
                             surface = surface.wrapping_add(own);
-                            normal = normal.wrapping_add(weighed(light.normal, kernel));
+                            facing_beam = facing_beam.wrapping_add(weighed(light.facing, kernel));
                             squares = squares.wrapping_add(square(own));
                         }
                         Change::Out(light) => {
                             surface = surface.wrapping_sub(light.surface);
-                            normal = normal.wrapping_sub(light.normal);
+                            facing_beam = facing_beam.wrapping_sub(light.facing);
                             squares = squares.wrapping_sub(square(light.surface));
                         }
                     });
                     let disc = &found.disc;
                     values.push(Value {
-                        index: order.index(tile, spot.pixel),
+                        index: order.index(tile, point.pixel),
                         surface: (fluxes.surface.value(surface) / disc.area_m2) as f32,
-                        normal: (fluxes.facing.value(normal) / disc.area_m2) as f32,
+                        facing_beam: (fluxes.facing.value(facing_beam) / disc.area_m2) as f32,
                         error: (fluxes.surface.square_value(squares).sqrt() / disc.area_m2) as f32,
                         radius_m: disc.radius_m as f32,
                         floored: disc.floored,
@@ -112,10 +118,10 @@ pub fn annual(
                 },
             )?;
             // Tiles don't overlap: the lock decides who writes first, not what is written.
-            let mut all = result.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
+            let mut all = result.lock().unwrap_or_else(PoisonError::into_inner);
             for v in values.iter() {
                 all.surface.data_mut()[v.index] = v.surface;
-                all.normal.data_mut()[v.index] = v.normal;
+                all.facing_beam.data_mut()[v.index] = v.facing_beam;
                 all.error.data_mut()[v.index] = v.error;
                 all.radius_m.data_mut()[v.index] = v.radius_m;
                 all.floored += u64::from(v.floored);
@@ -126,5 +132,5 @@ pub fn annual(
         },
     )?;
     progress.finish();
-    Ok(result.into_inner().unwrap_or_else(std::sync::PoisonError::into_inner))
+    Ok(result.into_inner().unwrap_or_else(PoisonError::into_inner))
 }

@@ -90,14 +90,20 @@ impl Fluxes {
         [self.surface.integer(flux), self.facing.integer(facing)]
     }
 
-    /// The same where only one quantity is asked for; the other is 0.
-    pub fn integers_of(&self, quantity: Irradiance, beam: Beam) -> [i64; 2] {
+    /// The one that is asked for, without a weight.
+    pub fn integer(&self, quantity: Irradiance, beam: Beam) -> i64 {
         let flux = f64::from(beam.flux_w);
         match quantity {
-            Irradiance::Surface => [self.surface.integer(flux), 0],
-            Irradiance::FacingBeam => {
-                [0, self.facing.integer(flux / f64::from(beam.cos.max(MIN_COS)))]
-            }
+            Irradiance::Surface => self.surface.integer(flux),
+            Irradiance::FacingBeam => self.facing.integer(flux / f64::from(beam.cos.max(MIN_COS))),
+        }
+    }
+
+    /// The same as [`Self::integers`] has it; the other is 0.
+    pub fn integers_of(&self, quantity: Irradiance, beam: Beam) -> [i64; 2] {
+        match quantity {
+            Irradiance::Surface => [self.integer(quantity, beam), 0],
+            Irradiance::FacingBeam => [0, self.integer(quantity, beam)],
         }
     }
 

@@ -12,7 +12,7 @@ const BLOCK: usize = 64;
 pub(in crate::render) struct Light {
     /// What it gives the surface, and what a plane that faces it: see [`super::flux`].
     pub surface: i64,
-    pub normal: i64,
+    pub facing: i64,
     /// Its index in the store.
     pub index: u64,
     pub timestep: u32,

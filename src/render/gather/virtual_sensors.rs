@@ -1,140 +1,115 @@
-//! What arrives in free air: the photons that crossed each gate, counted.
+//! What arrives in free air: the photons that crossed each virtual sensor, counted.
 //!
-//! A gate is a disc of known area, so there is nothing to search: `E = sum(Phi) / A` over all of its
-//! photons. Its standard error is that of a count, as on surfaces.
+//! A virtual sensor is a disc of known area, so there is nothing to search: `E = sum(Phi) / A` over
+//! all of its photons. Its standard error is that of a count, as on surfaces.
 
 use std::ops::Range;
 
 use super::annual::Annual;
 use super::error::Error;
 use super::flux::{Beam, Fluxes, square};
-use super::series::{Series, TileSeries};
-use crate::base::{Gate, GateSheet, Irradiance, SeriesEntry, SinkError, TileRect, TileSink};
+use super::series::{PixelSeries, Series, TileSeries};
+use crate::base::{
+    Irradiance, SensorSheet, SeriesEntry, SinkError, TileRect, TileSink, VirtualSensor,
+};
 use crate::pages::{ALWAYS, Store};
 
-/// The gates of a set of sensors and what crossed them.
+/// The virtual sensors of a set of points and what crossed them.
 #[derive(Clone, Copy)]
 pub struct VirtualSensors<'a> {
     /// The crossings.
     pub store: &'a Store,
-    /// The gates.
-    pub gates: &'a [Gate],
+    /// The discs.
+    pub discs: &'a [VirtualSensor],
     /// Where their crossings lie in the store.
-    pub sheet: GateSheet,
-    /// The number of the sensor that each gate belongs to: its column in the set's one row.
-    pub sensors: &'a [usize],
+    pub sheet: SensorSheet,
+    /// The number of the point that each disc belongs to: its column in the set's one row.
+    pub columns: &'a [usize],
 }
 
-fn area_m2(gate: &Gate) -> f64 {
-    std::f64::consts::PI * gate.radius_m * gate.radius_m
+fn area_m2(disc: &VirtualSensor) -> f64 {
+    std::f64::consts::PI * disc.radius_m * disc.radius_m
 }
 
 impl<'a> VirtualSensors<'a> {
-    /// Calls `each` with the photons of a gate.
-    fn photons(&self, gate: usize, mut each: impl FnMut(Beam)) -> Result<(), Error> {
-        self.store.lit_in_box(self.sheet.cell(gate), &ALWAYS, |_, _, _, light| {
+    /// Calls `each` with the photons of a disc.
+    fn photons(&self, number: usize, mut each: impl FnMut(Beam)) -> Result<(), Error> {
+        self.store.lit_in_box(self.sheet.cell(number), &ALWAYS, |_, _, _, light| {
             each(Beam { flux_w: light.flux_w, cos: light.cos, timestep: light.timestep });
             true
         })?;
         Ok(())
     }
 
-    /// Fills in the year of the sensors in free air. `weights_h` are the hours of the timesteps.
+    /// Fills in the year of the points in free air. `weights_h` are the hours of the timesteps.
     ///
     /// # Errors
     /// [`Error::Pages`].
     pub fn add_year(&self, annual: &mut Annual, weights_h: &[f64]) -> Result<(), Error> {
         let fluxes = Fluxes::of(self.store, weights_h.iter().copied().fold(0.0, f64::max));
-        for (number, gate) in self.gates.iter().enumerate() {
-            let (mut surface, mut normal, mut squares) = (0i64, 0i64, 0i64);
+        for (number, (disc, &at)) in self.discs.iter().zip(self.columns).enumerate() {
+            let (mut surface, mut facing, mut squares) = (0i64, 0i64, 0i64);
             self.photons(number, |beam| {
                 let weight = weights_h.get(beam.timestep as usize).copied().unwrap_or(0.0);
                 let [e, e_n] = fluxes.integers(beam, weight);
                 surface = surface.wrapping_add(e);
-                normal = normal.wrapping_add(e_n);
+                facing = facing.wrapping_add(e_n);
                 squares = squares.wrapping_add(square(e));
             })?;
-            let (of_e, of_n) =
-                (fluxes.scale(Irradiance::Surface), fluxes.scale(Irradiance::FacingBeam));
-            let at = self.sensors[number];
-            annual.surface.data_mut()[at] = (of_e.value(surface) / area_m2(gate)) as f32;
-            annual.normal.data_mut()[at] = (of_n.value(normal) / area_m2(gate)) as f32;
-            annual.error.data_mut()[at] =
-                (of_e.square_value(squares).sqrt() / area_m2(gate)) as f32;
-            annual.radius_m.data_mut()[at] = gate.radius_m as f32;
+            let over_area = |sum: f64| (sum / area_m2(disc)) as f32;
+            annual.surface.data_mut()[at] = over_area(fluxes.surface.value(surface));
+            annual.facing_beam.data_mut()[at] = over_area(fluxes.facing.value(facing));
+            annual.error.data_mut()[at] = over_area(fluxes.surface.square_value(squares).sqrt());
+            annual.radius_m.data_mut()[at] = disc.radius_m as f32;
         }
         Ok(())
     }
 
-    /// A sink that adds the sensors in free air to the tiles that come to it.
+    /// A sink that adds the points in free air to the tiles that come to it.
     pub fn series<'s>(&'s self, sink: &'s dyn TileSink, quantity: Irradiance) -> SensorSeries<'s> {
-        SensorSeries { passed: self, sink, quantity }
+        SensorSeries { sensors: self, sink, quantity }
     }
 
-    /// Fills in what one photon stands for at the sensors in free air, and counts their photons.
+    /// Fills in what one photon stands for at the points in free air, and counts their photons.
     ///
     /// # Errors
     /// [`Error::Pages`].
     pub fn add_noise(&self, series: &mut Series, quantity: Irradiance) -> Result<(), Error> {
         let fluxes = Fluxes::of(self.store, 1.0);
-        let mut made = TileSeries::new(0..self.store.info().timesteps);
-        for (number, gate) in self.gates.iter().enumerate() {
-            let (photon_w_m2, photons, lit) = self.one(number, 0, &fluxes, quantity, &mut made)?;
-            let at = self.sensors[number];
-            series.photon_w_m2.data_mut()[at] = photon_w_m2;
-            series.radius_m.data_mut()[at] = gate.radius_m as f32;
-            let summary = &mut series.summary;
-            summary.pixels += 1;
-            summary.lit_pixels += u64::from(lit > 0);
-            summary.lit_timesteps += lit as u64;
-            summary.photons += photons;
-            made.clear();
+        let mut out = TileSeries::new(0..self.store.info().timesteps);
+        for (number, (disc, &at)) in self.discs.iter().zip(self.columns).enumerate() {
+            let made = self.one(number, 0, (&fluxes, quantity), &mut out)?;
+            series.photon_w_m2.data_mut()[at] = made.photon_w_m2;
+            series.radius_m.data_mut()[at] = disc.radius_m as f32;
+            series.summary.count(&made, false);
+            out.clear();
         }
         Ok(())
     }
 
-    /// The series of a gate, as a pixel of a tile: what a photon stands for, W/m2, how many there
-    /// are, and lit timesteps.
+    /// The series of a disc, as a pixel of a tile.
     fn one(
         &self,
-        gate: usize,
+        number: usize,
         pixel: u16,
-        fluxes: &Fluxes,
-        quantity: Irradiance,
+        (fluxes, quantity): (&Fluxes, Irradiance),
         out: &mut TileSeries,
-    ) -> Result<(f32, u64, usize), Error> {
-        let scale = fluxes.scale(quantity);
-        let (mut sum, mut squares, mut photons) = (0i64, 0i64, 0);
+    ) -> Result<PixelSeries, Error> {
         out.anew();
-        self.photons(gate, |beam| {
-            let timestep = beam.timestep;
-            let [e, e_n] = fluxes.integers_of(quantity, beam);
-            let own = match quantity {
-                Irradiance::Surface => e,
-                Irradiance::FacingBeam => e_n,
-            };
-            out.add(timestep, own);
-            sum = sum.wrapping_add(own);
-            squares = squares.wrapping_add(square(own));
-            photons += 1;
-        })?;
-        let area_m2 = area_m2(&self.gates[gate]);
-        let value = |sum| (scale.value(sum) / area_m2) as f32;
-        let lit = out.end(pixel, value);
-        let mean = scale.square_value(squares) / scale.value(sum).max(f64::MIN_POSITIVE);
-        Ok(((mean / area_m2) as f32, photons, lit))
+        self.photons(number, |beam| out.add(beam.timestep, fluxes.integer(quantity, beam)))?;
+        Ok(out.spread(pixel, fluxes.scale(quantity), area_m2(&self.discs[number])))
     }
 
-    /// The gates of the sensors in some columns.
+    /// The discs of the points in some columns.
     fn between(&self, columns: Range<usize>) -> Range<usize> {
-        let first = self.sensors.partition_point(|&s| s < columns.start);
-        first..self.sensors.partition_point(|&s| s < columns.end)
+        let first = self.columns.partition_point(|&c| c < columns.start);
+        first..self.columns.partition_point(|&c| c < columns.end)
     }
 }
 
 /// See [`VirtualSensors::series`].
 pub struct SensorSeries<'a> {
-    passed: &'a VirtualSensors<'a>,
+    sensors: &'a VirtualSensors<'a>,
     sink: &'a dyn TileSink,
     quantity: Irradiance,
 }
@@ -145,17 +120,17 @@ impl TileSink for SensorSeries<'_> {
     }
 
     fn put(&self, tile: TileRect, entries: &[SeriesEntry]) -> Result<(), SinkError> {
-        let passed = self.passed;
-        let fluxes = Fluxes::of(passed.store, 1.0);
-        let mut made = TileSeries::new(0..passed.store.info().timesteps);
-        for gate in passed.between(tile.column..tile.column + tile.columns) {
-            let pixel = (passed.sensors[gate] - tile.column) as u16;
-            passed
-                .one(gate, pixel, &fluxes, self.quantity, &mut made)
+        let sensors = self.sensors;
+        let fluxes = Fluxes::of(sensors.store, 1.0);
+        let mut made = TileSeries::new(0..sensors.store.info().timesteps);
+        for number in sensors.between(tile.column..tile.column + tile.columns) {
+            let pixel = (sensors.columns[number] - tile.column) as u16;
+            sensors
+                .one(number, pixel, (&fluxes, self.quantity), &mut made)
                 .map_err(|e| SinkError::Io(std::io::Error::other(e)))?;
         }
         let mut all = [entries, made.sorted()].concat();
-        // A pixel is a gate or stands on a surface: there are no doubles.
+        // A pixel is a point in free air or stands on a surface: there are no doubles.
         all.sort_unstable_by_key(|e| (e.timestep, e.pixel));
         self.sink.put(tile, &all)
     }

@@ -6,7 +6,7 @@ use glam::DVec3;
 use super::error::Error;
 use super::hits::{Hit, HitKind, HitMap};
 use super::pv_visibility::{PvInView, PvVisibility};
-use crate::base::{Gate, limits};
+use crate::base::{VirtualSensor, limits};
 use crate::site::Site;
 
 /// A sensor counts as lying on a surface within this distance, m: terrain and walls of city models
@@ -33,7 +33,7 @@ pub enum Footing {
     Surface,
     /// The PV itself: photons don't land on what sends them.
     Pv,
-    /// Nothing: photons pass, and are counted where they cross a [`Gate`].
+    /// Nothing: photons pass, and are counted where they cross a [`VirtualSensor`].
     Air,
 }
 
@@ -159,14 +159,14 @@ fn footing(sensor: &Sensor, site: &Site) -> (Footing, Hit) {
     (if source.pv.is_some() { Footing::Pv } else { Footing::Surface }, hit)
 }
 
-/// Rays that look for surfaces around a gate.
+/// Rays that look for surfaces around a virtual sensor.
 const SPOKES: u32 = 32;
-/// A gate isn't made smaller than this for the surfaces around it, m.
-const LEAST_GATE_M: f64 = 0.02;
+/// A virtual sensor isn't made smaller than this for the surfaces around it, m.
+const LEAST_SENSOR_M: f64 = 0.02;
 
-/// The gate of a sensor in free air: a disc of `radius_m`, smaller where it would cut a surface of
+/// The virtual sensor of a point in free air: a disc of `radius_m`, smaller where it would cut a surface of
 /// the scene, behind which it would lie in the dark.
-pub fn gate(position: DVec3, normal: DVec3, radius_m: f64, site: &Site) -> Gate {
+pub fn virtual_sensor(position: DVec3, normal: DVec3, radius_m: f64, site: &Site) -> VirtualSensor {
     let frame = crate::base::Frame::around(normal);
     let nearest = (0..SPOKES).fold(radius_m, |least, i| {
         let turn = std::f64::consts::TAU * f64::from(i) / f64::from(SPOKES);
@@ -174,7 +174,7 @@ pub fn gate(position: DVec3, normal: DVec3, radius_m: f64, site: &Site) -> Gate 
         let met = site.bvh.closest(position.as_vec3(), spoke.as_vec3(), 0.0, least as f32);
         met.map_or(least, |hit| least.min(f64::from(hit.distance_m)))
     });
-    Gate { centre: position, normal, radius_m: nearest.max(LEAST_GATE_M.min(radius_m)) }
+    VirtualSensor { centre: position, normal, radius_m: nearest.max(LEAST_SENSOR_M.min(radius_m)) }
 }
 
 #[cfg(test)]

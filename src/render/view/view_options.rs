@@ -1,3 +1,5 @@
+//! Views as text: Radiance's options, view files, the headers of pictures.
+
 use glam::DVec3;
 
 use super::camera::{Projection, View, ViewOptions};

@@ -5,7 +5,7 @@
 use std::time::Instant;
 
 use super::photons::{Done, Filling, Traced, fill};
-use crate::base::{Gate, GateSheet};
+use crate::base::{SensorSheet, VirtualSensor};
 use crate::pages::{self, Access, OpenOptions, Store};
 use crate::project::key_of;
 use crate::project::{Candidate, PlannedView};
@@ -25,14 +25,14 @@ pub(in crate::run) const SPILL: &str = "air-spill";
 /// Crossings, and the gates that they crossed.
 pub(super) struct Made {
     crossings: Crossings,
-    gates: Vec<Gate>,
+    gates: Vec<VirtualSensor>,
 }
 
 impl Made {
     /// What maps and series are made from.
     pub fn passed(&self) -> VirtualSensors<'_> {
         let Crossings { air, store } = &self.crossings;
-        VirtualSensors { store, gates: &self.gates, sheet: air.sheet, sensors: &air.points }
+        VirtualSensors { store, discs: &self.gates, sheet: air.sheet, columns: &air.points }
     }
 }
 
@@ -61,9 +61,9 @@ pub(super) fn crossings(
     let site = job.site()?;
     let gate_of = |&point: &usize| {
         let Hit { position, normal, .. } = hits.hits[point];
-        sensors::gate(position.as_dvec3(), normal.as_dvec3(), air.radius_m, site)
+        sensors::virtual_sensor(position.as_dvec3(), normal.as_dvec3(), air.radius_m, site)
     };
-    let gates: Vec<Gate> = air.points.iter().map(gate_of).collect();
+    let gates: Vec<VirtualSensor> = air.points.iter().map(gate_of).collect();
     let bandwidth = view.series_bandwidth.unwrap_or_default() as u64;
     let each = bandwidth.max(3 * job.timeline()?.steps.len() as u64).max(CROSSINGS);
     let wanted = (gates.len() as u64 * each).min(job.resolved.trace.stored);
@@ -89,7 +89,7 @@ fn send(
     job: &Job<'_>,
     candidate: &Candidate,
     view: &PlannedView,
-    (gates, sheet): (&[Gate], GateSheet),
+    (gates, sheet): (&[VirtualSensor], SensorSheet),
     wanted: u64,
     key: &str,
 ) -> Result<(), Error> {
@@ -103,7 +103,7 @@ fn send(
     };
     // No more effort than all surfaces together were worth.
     let most = Traced::read(job, candidate)?.plan.emitted;
-    let tracer = Tracer::through(&emission, &Through { gates, sheet, most })?;
+    let tracer = Tracer::through(&emission, &Through { sensors: gates, sheet, most })?;
     let name = format!("{} {}", candidate.name, view.name);
     let spill_name = job.folder.map(&candidate.name, &view.name, SPILL);
     let spill = job.folder.prepare(&spill_name)?;

@@ -343,7 +343,7 @@ fn annual(
     )?;
     let channels: [(&str, &Grid<f32>); 4] = [
         ("annual.wh_m2", &annual.surface),
-        ("annual_normal.wh_m2", &annual.normal),
+        ("annual_normal.wh_m2", &annual.facing_beam),
         ("radius.m", &annual.radius_m),
         ("standard_error.wh_m2", &annual.error),
     ];

@@ -1,3 +1,8 @@
+//! glTF 2.0 and GLB: nodes with their transforms, meshes of triangles, materials without textures.
+//!
+//! The file's JSON is parsed by the crate `gltf`; buffers and accessors are read by our own
+//! [`super::accessor`], which bounds every offset before it is believed.
+
 use std::collections::{HashMap, HashSet};
 use std::path::Path;
 

@@ -1,3 +1,5 @@
+//! Wavefront OBJ and MTL: faces by object or group, diffuse colours by material.
+
 use std::collections::{BTreeMap, HashMap};
 use std::path::Path;
 

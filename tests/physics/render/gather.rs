@@ -156,7 +156,7 @@ fn maps_and_series_are_sums_over_the_store() {
         let expected: f64 = by_timestep.iter().zip(&weights).map(|(e, w)| e * w).sum();
         let close = |a: f32, b: f64| (f64::from(a) - b).abs() <= 1e-5 * b;
         assert!(close(map.surface[at], expected), "{at:?}: {}, {expected}", map.surface[at]);
-        assert!((map.normal[at] / map.surface[at] - 2.0).abs() < 0.01, "all cosines are 1/2");
+        assert!((map.facing_beam[at] / map.surface[at] - 2.0).abs() < 0.01, "all cosines are 1/2");
         assert!(close(map.radius_m[at], (area / PI).sqrt()));
         let found = &rows[&at];
         let lit_here = by_timestep.iter().filter(|e| **e > 0.0).count();
@@ -247,7 +247,7 @@ fn too_few_photons_and_wrong_settings() {
     let store = store_of(empty.path(), &[], 3);
     let own = Gather { max_radius_m: None, ..settings(50) };
     let map = annual(&store, None, &hits, &[1.0; 3], &own, &Silent).expect("gathers");
-    assert!(map.surface.data().iter().chain(map.normal.data()).all(|v| v.to_bits() == 0));
+    assert!(map.surface.data().iter().chain(map.facing_beam.data()).all(|v| v.to_bits() == 0));
     let sink = Tiles::default();
     let summary = series(&store, None, &hits, &own, Irradiance::Surface, &sink, &Silent)
         .expect("gathers")

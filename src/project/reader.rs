@@ -18,7 +18,9 @@ use super::resolve::{MOMENTS, RECEIVERS};
 use super::tables::{DayEntry, FileEntry, HorizonEntry, HoursTable, OriginEntry, Project, PvTable};
 use crate::base::limits;
 use crate::site::{Files, Origin, PvArray, PvSpec, SceneFile, SceneSpec, Season};
-use crate::sky::{DayRange, FarHorizon, HourRange, Irradiance, Place, SunModel, TimeSpec, Weather};
+use crate::sky::{
+    DayRange, FarHorizon, HourRange, Place, SunModel, SunStrength, TimeSpec, Weather,
+};
 
 /// Reads a plan off a project file, table by table.
 pub(super) struct Reader<'a> {
@@ -178,13 +180,13 @@ impl Reader<'_> {
         })
     }
 
-    fn irradiance(&self) -> Result<Irradiance, Error> {
+    fn irradiance(&self) -> Result<SunStrength, Error> {
         const KNOWN: &str = "expected \"clear-sky\", \"gensky\", { epw = \"site.epw\" }, { constant = 1000 } or { model = \"ineichen\", linke = [12 values] }";
         let value = &self.project.time.irradiance;
         if let Some(word) = value.as_str() {
             return match word {
-                "clear-sky" => Ok(Irradiance::ClearSky),
-                "gensky" => Ok(Irradiance::Gensky),
+                "clear-sky" => Ok(SunStrength::ClearSky),
+                "gensky" => Ok(SunStrength::Gensky),
                 _ => Err(self.wrong(format!("time.irradiance: {KNOWN}, found \"{word}\""))),
             };
         }
@@ -193,12 +195,12 @@ impl Reader<'_> {
             return Err(self.wrong(format!("time.irradiance: {KNOWN}, found {value}")));
         };
         if let Some(path) = self.weather_file() {
-            return Ok(Irradiance::Epw(Weather::read(&path)?));
+            return Ok(SunStrength::Epw(Weather::read(&path)?));
         }
         if let Some(constant) = table.get("constant").and_then(number)
             && table.len() == 1
         {
-            return Ok(Irradiance::Constant(constant));
+            return Ok(SunStrength::Constant(constant));
         }
         let linke: Option<Vec<f64>> = table
             .get("linke")
@@ -212,7 +214,7 @@ impl Reader<'_> {
                         "time.irradiance.linke: expected 12 numbers, one a month, found {found}"
                     ))
                 })?;
-                Ok(Irradiance::Ineichen { linke })
+                Ok(SunStrength::Ineichen { linke })
             }
             _ => Err(self.wrong(format!("time.irradiance: {KNOWN}, found {value}"))),
         }

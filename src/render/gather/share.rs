@@ -20,9 +20,9 @@
 //! guesses show in the result on an open surface, and a twin in the tests searches for every point
 //! alone. Along the edges of a surface they decide where the raster lies.
 //!
-//! What would do worse: a grid of cells with the photons of each (flat discs at roof edges reach across ten
-//! cells, and its size fits only one density), and one list of candidates for a whole tile (a tile
-//! that shows a gable and the street behind it has two far-apart sets of neighbours).
+//! What would do worse: a grid of cells with the photons of each (flat discs at roof edges reach
+//! across ten cells, and its size fits only one density), and one list of candidates for a whole
+//! tile (a tile that shows a gable and the street behind it has two far-apart sets of neighbours).
 
 mod group;
 

@@ -12,7 +12,7 @@ use glintmap::trace::Emission;
 use crate::physics::trace::{Scene, bsdf, horizontal, settings, sun, timeline, trace, wall};
 use crate::support;
 
-fn radiance() -> Option<PathBuf> {
+pub(super) fn radiance() -> Option<PathBuf> {
     let python = support::python()?;
     let script = "import os, pyradiance; print(os.path.dirname(pyradiance.__file__))";
     let out = Command::new(python).args(["-c", script]).output().expect("python starts");
@@ -24,7 +24,7 @@ fn radiance() -> Option<PathBuf> {
     Some(folder)
 }
 
-fn run(radiance: &Path, folder: &Path, command: &[&str]) -> Vec<u8> {
+pub(super) fn run(radiance: &Path, folder: &Path, command: &[&str]) -> Vec<u8> {
     let out = Command::new(radiance.join("bin").join(command[0]))
         .args(&command[1..])
         .current_dir(folder)

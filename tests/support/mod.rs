@@ -5,6 +5,7 @@ pub mod program;
 pub mod series;
 
 use std::path::PathBuf;
+use std::time::Duration;
 
 /// The folder of real inputs (`GLINTMAP_DATA`, else `../shared/data` beside the project).
 pub fn data_dir() -> PathBuf {
@@ -32,6 +33,12 @@ pub fn python() -> Option<PathBuf> {
         skip("GLINTMAP_PYTHON is not set; `tools/test` sets it");
     }
     found
+}
+
+/// CPU time of the calling thread: how long something takes whatever else the machine does.
+pub fn cpu_time() -> Duration {
+    let now = rustix::time::clock_gettime(rustix::time::ClockId::ThreadCPUTime);
+    Duration::try_from(now).expect("not negative")
 }
 
 /// Counts the calling test as skipped: a line in the file that `GLINTMAP_SKIPS` names.

@@ -1,6 +1,7 @@
 //! Words that every room uses: plain data without the behaviour of a room, and the seams
 //! (small traits) through which rooms deliver to others that they don't know.
 
+mod external_sort;
 mod fault;
 mod finding;
 mod gate;
@@ -15,6 +16,7 @@ mod space;
 mod tally;
 mod time;
 
+pub use external_sort::{ExternalSort, Merged, Record};
 pub use fault::FaultKind;
 pub use finding::{Finding, Place, Severity};
 pub use gate::{Gate, GateSheet};

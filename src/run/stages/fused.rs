@@ -121,8 +121,8 @@ pub(super) fn analyse<'a, B: Batches>(
     let mut years = Vec::new();
     let clock_h = Clock::new(&job.resolved.project.site, axis.year).hours(axis);
     for &threshold in thresholds.iter().filter(|_| view.points.is_none()) {
-        let of = (axis, Some(&clock_h[..]));
-        years.push(YearTiles::new(of, [hits.rows, hits.columns], threshold, spill)?);
+        let size = [hits.rows, hits.columns];
+        years.push(YearTiles::new(axis, Some(&clock_h), size, threshold, spill)?);
     }
     let all = All(&years);
     let whole = Rounded::new(&all, view.mantissa_bits);

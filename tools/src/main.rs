@@ -1,11 +1,15 @@
 //! For those who work on glintmap: the rules of the house, and what makes the fixtures.
 
 mod case_study;
+mod compare;
 mod tidy;
 
+use std::io::Write;
 use std::path::{Path, PathBuf};
 
 use clap::{Parser, Subcommand};
+
+use compare::What;
 
 /// Tools for those who work on glintmap
 #[derive(Debug, Parser)]
@@ -24,6 +28,16 @@ enum Command {
         /// Folder, created if missing
         dir: PathBuf,
     },
+    /// Say what differs between two run folders: which file, which channel, by how much
+    Compare {
+        /// The run folder as it was
+        old: PathBuf,
+        /// The run folder as it is
+        new: PathBuf,
+        /// Compare what was computed, not what headers and the manifest say of its making
+        #[arg(long)]
+        values: bool,
+    },
     /// Write the tiny project whose output hashes are a fixture
     Tiny {
         /// Folder, created if missing
@@ -35,6 +49,13 @@ fn main() -> anyhow::Result<()> {
     match Cli::parse().command {
         Command::Tidy => tidy::report(&Path::new(env!("CARGO_MANIFEST_DIR")).join("..")),
         Command::CaseStudy { dir } => case_study::write(&dir, &case_study::files()),
+        Command::Compare { old, new, values } => {
+            let what = if values { What::Values } else { What::Everything };
+            let report = compare::compare(&old, &new, what)?;
+            writeln!(std::io::stdout(), "{report}")?;
+            anyhow::ensure!(report.findings.is_empty(), "the folders differ");
+            Ok(())
+        }
         Command::Tiny { dir } => case_study::write(&dir, &case_study::tiny_files()),
     }
 }

@@ -19,7 +19,7 @@ use crate::render::{
 };
 use crate::run::error::Error;
 use crate::run::job::{Job, Stage};
-use crate::volume::TimeAxis;
+use crate::volume::{Rounded, TimeAxis};
 
 /// Integrates a view; `sight` is kept from one to the next. The sums of the year wait, tile by
 /// tile, beside the series until all tiles are there: so an interrupted run needs no tile twice.
@@ -100,9 +100,12 @@ fn written(
     let writer_of = |quantity| writer(job, candidate, view, (about.0, quantity), hits);
     let other = view.both.then(|| Ok::<_, Error>((other, writer_of(other)?))).transpose()?;
     let writer = writer_of(quantity)?;
+    let rounded = |writer| Rounded::new(writer, view.mantissa_bits);
+    let series = rounded(&writer);
+    let others = other.as_ref().map(|(quantity, writer)| (*quantity, rounded(writer)));
     let sinks = DirectSinks {
-        series: (quantity, &writer),
-        other: other.as_ref().map(|(quantity, writer)| (*quantity, writer as &dyn TileSink)),
+        series: (quantity, &series),
+        other: others.as_ref().map(|(quantity, sink)| (*quantity, sink as &dyn TileSink)),
         keep,
     };
     let told = render::direct_series(direct, hits, sinks, job.progress)?;

@@ -17,7 +17,7 @@ use crate::render::{self, Fused, Gather, HitMap, Passed, Quantity, Series, Surfa
 use crate::run::cpu::Watch;
 use crate::run::error::Error;
 use crate::run::job::{Job, Stage};
-use crate::volume::{self, TimeAxis, Volume, Writer};
+use crate::volume::{self, Rounded, TimeAxis, Volume, Writer};
 
 /// Suns that light the background picture: enough for soft shadows of a year.
 const BACKGROUND_SUNS: usize = 24;
@@ -246,8 +246,9 @@ fn written(
     let notes = job.folder.map(&candidate.name, &view.name, names(job, quantity).0);
     let notes = notes.with_extension("notes");
     let path = job.folder.prepare(&notes)?;
-    let noted = Noted::open(&writer, &path, about.0, hits.columns)?;
-    let with_air = air.as_ref().map(|a| a.series(&noted, quantity, gather.mantissa_bits));
+    let rounded = Rounded::new(&writer, view.mantissa_bits);
+    let noted = Noted::open(&rounded, &path, about.0, hits.columns)?;
+    let with_air = air.as_ref().map(|a| a.series(&noted, quantity));
     let sink: &dyn TileSink = match &with_air {
         Some(sink) => sink,
         None => &noted,
@@ -286,8 +287,7 @@ pub(super) fn writer(
     let name = job.folder.map(&candidate.name, &view.name, names(job, quantity).0);
     let path = job.folder.prepare(&name)?;
     let mut provenance = job.provenance(key, &about);
-    if view.annual.mantissa_bits < render::EXACT_BITS {
-        let most = format!("2^-{}", view.annual.mantissa_bits + 1);
+    if let Some(most) = Rounded::largest_relative_error(view.mantissa_bits) {
         provenance.about.insert("largest_relative_error".to_owned(), most);
     }
     let (columns, rows) = (hits.columns, hits.rows);

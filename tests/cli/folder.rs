@@ -60,7 +60,7 @@ fn another_reference_leaves_no_picture_of_the_old_one() {
     assert!(folder.join("run/standard/plan/ratio.exr").exists());
     let other = "reference.material=\"standard\"";
     let said = succeed(&["run", path, "--quiet", "--json", "--set", other]);
-    assert_eq!(made(&said), ["pictures", "report"]);
+    assert_eq!(made(&said), ["pictures", "verdicts", "report"]);
     assert!(!folder.join("run/standard/plan/ratio.exr").exists());
     assert!(!folder.join("run/standard/plan/ratio.png").exists());
     assert!(folder.join("run/tile/plan/ratio.exr").exists());
@@ -89,7 +89,7 @@ fn a_changed_scene_is_traced_anew_and_changed_rules_only_reported() {
     let all = made(&succeed(&["run", path, "--quiet", "--json"]));
     let rules = "glare.rules=[\"paper-2018\", \"de-lai-2015\"]";
     let said = succeed(&["run", path, "--quiet", "--json", "--set", rules]);
-    assert_eq!(made(&said), ["report"]);
+    assert_eq!(made(&said), ["verdicts", "report"]);
     let scene = folder.join("scene.rad");
     let text = fs::read_to_string(&scene).expect("reads");
     fs::write(&scene, text + "\n# moved\n").expect("writes");

@@ -3,7 +3,7 @@
 //!
 //! The rectangle stands in a closed box, so that all that it scatters lands. What should land is
 //! summed here from the numbers of the file, by a reader of tensor trees and a square of directions
-//! of its own: no line of `site::bsdf` takes part. Two things are asked for: the flux of all
+//! of its own: no line of `bsdf` takes part. Two things are asked for: the flux of all
 //! photons, with the sun's real disc, and where they fly, in 16 x 16 cells of the outgoing square,
 //! with a sun so small that it lies in one incident cell.
 //!
@@ -22,8 +22,8 @@ use std::path::Path;
 
 use glam::DVec3;
 use glintmap::base::{Frame, Purpose, Stream, Timeline};
+use glintmap::bsdf::{Bsdf, BsdfFile, Fineness, Preset, Side, write};
 use glintmap::site::Site;
-use glintmap::site::bsdf::{Bsdf, BsdfFile, Fineness, Preset, Side, write};
 use glintmap::trace::{Emission, Settings};
 
 use super::photons::{radiance, run};

@@ -17,13 +17,32 @@ use crate::render::view::hits::HitMap;
 use crate::render::view::order::Order;
 
 /// Which irradiance a series holds.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Default, serde::Serialize, serde::Deserialize)]
+#[serde(rename_all = "lowercase")]
 pub enum Quantity {
     /// E, on the surface.
     #[default]
     Surface,
     /// E_n, on a plane that faces each photon's beam.
     Normal,
+}
+
+impl Quantity {
+    /// The one that it isn't.
+    pub fn other(self) -> Self {
+        match self {
+            Self::Surface => Self::Normal,
+            Self::Normal => Self::Surface,
+        }
+    }
+
+    /// The name in project files.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Surface => "surface",
+            Self::Normal => "normal",
+        }
+    }
 }
 
 /// What is known of a time series beside its numbers.

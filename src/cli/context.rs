@@ -2,11 +2,26 @@ use std::io::Write;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
+use clap::Args;
 use serde::Serialize;
 
-use super::Common;
 use super::bar::{self, Bar};
 use crate::base::Progress;
+
+/// What every command takes.
+#[derive(Clone, Debug, Args)]
+pub struct Common {
+    /// Print exactly one JSON document on standard output; an error is one on the last line of
+    /// standard error
+    #[arg(long, global = true)]
+    pub json: bool,
+    /// No progress, no notes: only results and errors
+    #[arg(long, short, global = true)]
+    pub quiet: bool,
+    /// Threads to use [default: one for each core]
+    #[arg(long, global = true, value_name = "N")]
+    pub threads: Option<std::num::NonZeroUsize>,
+}
 
 /// What a command knows of the outside: how to print, how to report progress.
 pub struct Context {

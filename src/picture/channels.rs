@@ -1,3 +1,5 @@
+//! Rasters with named channels, and the sizes that a file may claim.
+
 use std::path::Path;
 
 use super::Error;

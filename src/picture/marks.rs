@@ -1,3 +1,8 @@
+//! What lies on the picture of a figure: lines, markers, scale bar, north arrow, extremes.
+//!
+//! Labels must not hide each other nor the marks: each tries eight sides of its place and takes the first
+//! that is free, or the least bad one. Rectangles that are taken go through all drawing functions.
+
 use super::Figure;
 use super::canvas::{Canvas, HAIRLINE, INK, Mask, Rect, SOFT_INK, WHITE};
 use super::layout::Layout;

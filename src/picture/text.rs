@@ -1,3 +1,7 @@
+//! Lettering: the embedded typeface, measured, wrapped and drawn.
+//!
+//! The typeface is part of the program, so that a figure looks the same on every machine.
+
 use ab_glyph::{Font as _, FontRef, GlyphId, PxScale, ScaleFont as _, point};
 
 use super::canvas::{Canvas, Color, Mask, Rect};

@@ -1,3 +1,9 @@
+//! The scene as its files have it, before it is moved, turned and triangulated.
+//!
+//! All readers fill one draft in f64 and in the coordinates of the source: map coordinates have millions
+//! of metres, of which f32 keeps decimetres, and where the local origin lies is known only when all files
+//! were read.
+
 use std::collections::HashMap;
 use std::ops::Range;
 

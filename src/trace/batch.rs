@@ -1,40 +1,19 @@
+//! Sending photons in batches, in order, on any number of threads.
+//!
+//! A batch is a fixed range of photon numbers: its content depends on nothing else, as random numbers are
+//! counter-based. Batches are traced in parallel, window by window, and delivered one after the other
+//! while the next window is traced. Units are ranges of batches that are sealed and resumed as a whole,
+//! cut by the plan alone, so that shards and machines agree on them.
+
 use std::ops::Range;
 
 use rayon::prelude::*;
 
+use super::Error;
 use super::emission::Emission;
 use super::path::{Batch, Draw, Tracer};
-use super::{Error, Plan};
+use super::plan::{BATCH_PHOTONS, Plan};
 use crate::base::{Photon, PhotonSink, Progress, Purpose, SinkError, Tally};
-
-/// Photons that are sent in one piece. Fixed: the tally's sums depend on it.
-pub const BATCH_PHOTONS: u64 = 16_384;
-
-/// Batches of a unit at least and at most, and how many units a plan is cut into in between: few
-/// enough that a unit takes seconds, large enough that many threads find work in it.
-const UNIT_BATCHES: (u64, u64) = (2, 256);
-const UNITS: u64 = 256;
-
-impl Plan {
-    /// Batches of each unit but the last. Depends on nothing but the plan.
-    fn unit_batches(&self) -> u64 {
-        let batches = self.emitted.div_ceil(BATCH_PHOTONS);
-        batches.div_ceil(UNITS).clamp(UNIT_BATCHES.0, UNIT_BATCHES.1)
-    }
-
-    /// Into how many units the plan's photons are cut: contiguous, numbered from 0, the same for
-    /// any threads and machines.
-    pub fn units(&self) -> u64 {
-        self.emitted.div_ceil(BATCH_PHOTONS).div_ceil(self.unit_batches())
-    }
-
-    /// Numbers of the photons of a unit.
-    pub fn unit(&self, unit: u64) -> Range<u64> {
-        let size = self.unit_batches() * BATCH_PHOTONS;
-        let start = unit.saturating_mul(size).min(self.emitted);
-        start..start.saturating_add(size).min(self.emitted)
-    }
-}
 
 /// Takes photons, and is told when a unit is complete.
 pub trait UnitSink: PhotonSink {
@@ -91,7 +70,7 @@ impl Tracer<'_> {
         progress: &dyn Progress,
     ) -> Result<(), Error> {
         let seed = self.emission.settings.seed;
-        let purpose = if self.gates.is_some() { Purpose::Gate } else { Purpose::Photon };
+        let purpose = if self.sensors.is_some() { Purpose::Sensor } else { Purpose::Photon };
         let draw = Draw { purpose, seed, emitted: plan.emitted };
         let count = |&unit: &u64| {
             let numbers = plan.unit(unit);

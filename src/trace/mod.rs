@@ -19,8 +19,8 @@
 //! the shadow on photons that would have flown towards the neighbourhood alone: the others aren't
 //! asked.
 //!
-//! [`Through`] gates in free air photons are sent in a run of their own, aimed at them alone: what
-//! lands, and what is stored of it, doesn't depend on who stands in the air. What can't cross a gate
+//! [`Through`] virtual sensors in free air photons are sent in a run of their own, aimed at them alone: what
+//! lands, and what is stored of it, doesn't depend on who stands in the air. What can't cross a virtual sensor
 //! is [`Fate::NotSampled`] there, what lands before it does [`Fate::Escaped`].
 //!
 //! [`Fate::Escaped`]: crate::base::Fate::Escaped
@@ -30,24 +30,27 @@
 mod aim;
 mod batch;
 mod clip;
+mod compass;
 mod disc;
 mod emission;
 mod emitter;
 mod error;
-mod gates;
 mod horizon;
 mod path;
 mod pilot;
+mod plan;
 mod power;
 mod reach;
 mod replay;
 mod skyline;
+mod virtual_sensors;
 mod yields;
 
-pub use batch::{BATCH_PHOTONS, UnitSink, run, run_units};
+pub use batch::{UnitSink, run, run_units};
 pub use emission::{Emission, Receivers, Settings};
 pub use error::Error;
-pub use gates::Through;
 pub use path::Tracer;
-pub use pilot::{Plan, plan};
+pub use pilot::plan;
+pub use plan::{BATCH_PHOTONS, Plan};
 pub use replay::Retold;
+pub use virtual_sensors::Through;

@@ -4,7 +4,7 @@ use std::time::Duration;
 
 use glam::DVec3;
 use glintmap::base::{Purpose, Stream};
-use glintmap::bsdf::{BsdfFile, Goniophotometer, Side, Way};
+use glintmap::bsdf::{BsdfFile, Goniophotometer, Interpolation, Side, Way};
 use glintmap::sky::Weather;
 
 use super::site_formats::fuzz::{damage, executions};
@@ -248,7 +248,7 @@ fn damaged_bsdfs_weather_and_points_never_panic() {
             }),
             "epw" => Weather::parse(&text, "f.epw").map_err(|e| e.to_string()).map(|_| ()),
             _ => Goniophotometer::parse(&text, "f.txt").map_err(|e| e.to_string()).map(|g| {
-                let value = g.surface().value(from, DVec3::new(0.6, 0.0, 0.8));
+                let value = Interpolation::of(&g).value(from, DVec3::new(0.6, 0.0, 0.8));
                 assert!(value >= 0.0 && value.is_finite(), "{value}");
             }),
         };

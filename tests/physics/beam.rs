@@ -5,10 +5,11 @@ use std::collections::BTreeMap;
 use std::sync::Mutex;
 
 use glam::{DVec3, Vec3};
+use glintmap::base::Irradiance;
 use glintmap::base::{Grid, SeriesEntry, Silent, SinkError, TileRect, TileSink, Timeline};
 use glintmap::bsdf::{Bsdf, Model};
 use glintmap::pages::{self, About, Access, OpenOptions, Spill, Store};
-use glintmap::render::{self, Gather, Hit, HitKind, HitMap, Quantity};
+use glintmap::render::{self, Gather, Hit, HitKind, HitMap};
 use glintmap::site::{Face, Material, Object, PvSurface, Site, Triangle};
 use glintmap::trace::{self, Emission, Receivers, Settings};
 
@@ -169,7 +170,7 @@ fn a_spot_inside_the_mirrored_beam_gets_dni_times_fresnel_times_cosine() {
                 step.irradiance_w_m2 * over_disc(step.sun, |s| reflectance(s.z) * -s.x)
             })
             .collect();
-        for (quantity, factor) in [(Quantity::Surface, false), (Quantity::Normal, true)] {
+        for (quantity, factor) in [(Irradiance::Surface, false), (Irradiance::FacingBeam, true)] {
             let sink = Series { width: spots.len(), values: Mutex::default() };
             render::series(&store, None, &hits, &gather, quantity, &sink, &Silent)
                 .expect("renders");

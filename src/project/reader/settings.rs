@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 use std::path::Path;
 
 use super::{Reader, view_file};
+use crate::base::Irradiance;
 use crate::base::limits::{self, EXACT_MANTISSA_BITS};
 use crate::bsdf::{Bsdf, BsdfFile};
 use crate::glare;
@@ -15,7 +16,7 @@ use crate::project::view_tables::ViewTable;
 use crate::project::views::{
     Estimator, PhotonGather, Picture, PlannedView, SeriesKept, Sight, Target,
 };
-use crate::render::{self, Gather, Kernel, Quantity, View};
+use crate::render::{self, Gather, Kernel, View};
 use crate::trace::{self, Receivers};
 
 impl Reader<'_> {
@@ -369,10 +370,10 @@ impl Reader<'_> {
         })
     }
 
-    pub fn quantity(&self) -> Result<Quantity, Error> {
+    pub fn quantity(&self) -> Result<Irradiance, Error> {
         match self.project.glare.quantity.as_str() {
-            "surface" => Ok(Quantity::Surface),
-            "normal" => Ok(Quantity::Normal),
+            "surface" => Ok(Irradiance::Surface),
+            "normal" => Ok(Irradiance::FacingBeam),
             other => Err(self.wrong(format!(
                 "glare.quantity: expected \"surface\" or \"normal\", found \"{other}\""
             ))),

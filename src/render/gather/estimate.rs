@@ -1,13 +1,11 @@
 use std::f64::consts::PI;
 
+use crate::base::MIN_COS;
 use crate::pages::Neighbour;
 
-/// Radius below which a disc doesn't shrink, m. All k photons in one spot (a focus, or photons
+/// Radius below which a disc doesn't shrink, m. All k photons at one place (a focus, or photons
 /// whose quantised positions agree) would otherwise make an infinite irradiance.
 pub const MIN_RADIUS_M: f64 = 1e-3;
-/// Smallest cosine by which E_n divides (handbook, quantities): 87 degrees.
-pub const MIN_COS: f32 = 0.05;
-
 /// How photons around a point become irradiance there.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Default, serde::Serialize)]
 pub enum Estimator {

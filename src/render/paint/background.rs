@@ -1,3 +1,10 @@
+//! The daylight background behind the maps: where is what, for a planner's eye.
+//!
+//! It answers no physical question, so it may be cheap: some suns that stand for the year, a simple sky,
+//! the materials' colours, one reflection. Two passes: the first gathers the sky's light with few rays a
+//! pixel, of which neighbouring pixels of one surface share theirs out in the second ("interleaved
+//! sampling", Keller and Heidrich 2001); edges get more rays.
+
 use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 use std::f64::consts::PI;
@@ -8,7 +15,7 @@ use crate::render::view::camera::{Projection, View, ViewRay};
 use crate::render::view::error::Error;
 use crate::render::view::hits::first_surface;
 use crate::render::view::hits::{Hit, HitKind, HitMap};
-use crate::render::view::seen::LIFT_M;
+use crate::render::view::pv_visibility::LIFT_M;
 use crate::site::Site;
 
 /// Sky directions of one pixel, and pixels of a square whose edge is [`SQUARE`] that share them

@@ -35,7 +35,7 @@ pub(super) trait Batches {
         timesteps: Range<u32>,
         sink: &dyn TileSink,
         progress: &dyn Progress,
-    ) -> Result<(), crate::render::Error>;
+    ) -> Result<(), Error>;
 }
 
 impl Batches for Fused<'_> {
@@ -52,8 +52,8 @@ impl Batches for Fused<'_> {
         timesteps: Range<u32>,
         sink: &dyn TileSink,
         progress: &dyn Progress,
-    ) -> Result<(), crate::render::Error> {
-        Fused::batch(self, timesteps, sink, progress)
+    ) -> Result<(), Error> {
+        Ok(Fused::batch(self, timesteps, sink, progress)?)
     }
 }
 
@@ -71,8 +71,8 @@ impl Batches for FusedDirect<'_> {
         timesteps: Range<u32>,
         sink: &dyn TileSink,
         progress: &dyn Progress,
-    ) -> Result<(), crate::render::Error> {
-        FusedDirect::batch(self, timesteps, sink, progress)
+    ) -> Result<(), Error> {
+        Ok(FusedDirect::batch(self, timesteps, sink, progress)?)
     }
 }
 

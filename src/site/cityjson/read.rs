@@ -1,3 +1,5 @@
+//! Reads CityJSON and CityJSONSeq: objects, levels of detail, parts, templates.
+
 use std::collections::{BTreeMap, HashMap, HashSet};
 use std::path::Path;
 

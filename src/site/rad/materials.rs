@@ -1,3 +1,5 @@
+//! Materials of Radiance as far as we need them: a diffuse reflectance, and whether rays pass.
+
 use crate::site::Material;
 
 /// What a primitive type is to us.

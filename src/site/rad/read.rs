@@ -1,3 +1,5 @@
+//! Reads Radiance scenes: primitives one after the other, includes in their place.
+
 use std::path::Path;
 
 use super::command::{self, Command, Copy};

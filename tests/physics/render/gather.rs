@@ -6,12 +6,13 @@ use std::path::Path;
 use std::sync::Mutex;
 
 use glam::{Vec3, vec3};
+use glintmap::base::Irradiance;
 use glintmap::base::{
     Aabb, Photon, PhotonSink, Provenance, Purpose, SeriesEntry, Silent, SinkError, SpectralBasis,
     Stream, Tally, TileRect, TileSink,
 };
 use glintmap::pages::{About, Access, OpenOptions, Spill, Store, build};
-use glintmap::render::{Fused, Gather, Hit, HitKind, HitMap, Quantity, annual, series};
+use glintmap::render::{Fused, Gather, Hit, HitKind, HitMap, annual, series};
 
 use super::pool;
 
@@ -113,10 +114,11 @@ fn maps_and_series_are_sums_over_the_store() {
     let k = 150;
     let map = annual(&store, None, &hits, &weights, &settings(k), &Silent).expect("gathers");
     let sink = Tiles::default();
-    let summary = series(&store, None, &hits, &settings(k), Quantity::Surface, &sink, &Silent)
+    let summary = series(&store, None, &hits, &settings(k), Irradiance::Surface, &sink, &Silent)
         .expect("gathers");
     let steep = Tiles::default();
-    series(&store, None, &hits, &settings(k), Quantity::Normal, &steep, &Silent).expect("gathers");
+    series(&store, None, &hits, &settings(k), Irradiance::FacingBeam, &steep, &Silent)
+        .expect("gathers");
 
     let tiles = sink.tiles.into_inner().expect("unpoisoned");
     let mut rows = BTreeMap::new();
@@ -154,7 +156,7 @@ fn maps_and_series_are_sums_over_the_store() {
         let expected: f64 = by_timestep.iter().zip(&weights).map(|(e, w)| e * w).sum();
         let close = |a: f32, b: f64| (f64::from(a) - b).abs() <= 1e-5 * b;
         assert!(close(map.surface[at], expected), "{at:?}: {}, {expected}", map.surface[at]);
-        assert!((map.normal[at] / map.surface[at] - 2.0).abs() < 0.01, "all cosines are 1/2");
+        assert!((map.facing_beam[at] / map.surface[at] - 2.0).abs() < 0.01, "all cosines are 1/2");
         assert!(close(map.radius_m[at], (area / PI).sqrt()));
         let found = &rows[&at];
         let lit_here = by_timestep.iter().filter(|e| **e > 0.0).count();
@@ -197,7 +199,7 @@ fn the_gather_is_the_same_for_any_threads_and_resumes() {
                 annual(&store, None, &hits, &weights, &settings(60), &Silent).expect("gathers");
             let sink = Tiles::default();
             let summary =
-                series(&store, None, &hits, &settings(60), Quantity::Surface, &sink, &Silent)
+                series(&store, None, &hits, &settings(60), Irradiance::Surface, &sink, &Silent)
                     .expect("gathers");
             let summary = (summary.summary, summary.photon_w_m2, summary.radius_m);
             (map, sink.tiles.into_inner().expect("unpoisoned"), summary)
@@ -207,7 +209,7 @@ fn the_gather_is_the_same_for_any_threads_and_resumes() {
     // Some tiles are there: only the others are rendered, and all is as before.
     let kept: BTreeMap<_, _> = both[0].1.clone().into_iter().step_by(2).collect();
     let sink = Tiles { tiles: Mutex::new(kept), puts: Mutex::new(0) };
-    let summary = series(&store, None, &hits, &settings(60), Quantity::Surface, &sink, &Silent);
+    let summary = series(&store, None, &hits, &settings(60), Irradiance::Surface, &sink, &Silent);
     let again = summary.expect("gathers");
     assert_eq!(again.summary.tiles_present, 5);
     assert_eq!(again.photon_w_m2, both[0].2.1, "the noise of tiles that were there, too");
@@ -245,9 +247,9 @@ fn too_few_photons_and_wrong_settings() {
     let store = store_of(empty.path(), &[], 3);
     let own = Gather { max_radius_m: None, ..settings(50) };
     let map = annual(&store, None, &hits, &[1.0; 3], &own, &Silent).expect("gathers");
-    assert!(map.surface.data().iter().chain(map.normal.data()).all(|v| v.to_bits() == 0));
+    assert!(map.surface.data().iter().chain(map.facing_beam.data()).all(|v| v.to_bits() == 0));
     let sink = Tiles::default();
-    let summary = series(&store, None, &hits, &own, Quantity::Surface, &sink, &Silent)
+    let summary = series(&store, None, &hits, &own, Irradiance::Surface, &sink, &Silent)
         .expect("gathers")
         .summary;
     assert_eq!((summary.lit_pixels, summary.photons_per_lit_timestep()), (0, None));
@@ -261,7 +263,7 @@ fn batches_are_the_written_series() {
     let folder = tempfile::tempdir().expect("a folder");
     let store = store_of(folder.path(), &photons_on_the_plane(20_000, TIMESTEPS), TIMESTEPS);
     let hits = plane_hits(70);
-    for quantity in [Quantity::Surface, Quantity::Normal] {
+    for quantity in [Irradiance::Surface, Irradiance::FacingBeam] {
         let sink = Tiles::default();
         let written = series(&store, None, &hits, &settings(150), quantity, &sink, &Silent);
         let fused = Fused::prepare(&store, None, &hits, &settings(150), (quantity, None), &Silent);

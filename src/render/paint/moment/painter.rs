@@ -1,3 +1,12 @@
+//! The scene at an instant, in true luminances.
+//!
+//! Unlike the daylight background this picture is measured by others (`evalglare` and the eye), so its
+//! luminances are right: the sun's disc whole, a clear sky, surfaces that reflect both once, and PV that
+//! scatters by its BSDF. The sun's reflection is integrated over the disc at each place that a pixel
+//! looks at, because it may be a millionth of the picture's area and most of its light; pixels that show
+//! it, or an edge, are looked at more often. The sky's light is shared out among neighbouring pixels of
+//! one surface, as in [`super::super::background`].
+
 use std::f64::consts::{FRAC_1_PI, PI};
 
 use glam::{DVec3, Vec3};

@@ -100,7 +100,9 @@ fn photons_land_where_mkpmap_sends_them() {
     fs::write(keep.path().join("scene.rad"), scene).unwrap();
     let octree = run(&radiance, keep.path(), &["oconv", "scene.rad"]);
     fs::write(keep.path().join("scene.oct"), octree).unwrap();
-    let command = "mkpmap -n 1 -fo+ -apC map.pm 60000 -apo- pv -lr 1 -ld 100 -t 0 scene.oct";
+    // With its default of 1,000 mkpmap takes each sun's flux from one sample of the disc.
+    let command =
+        "mkpmap -n 1 -fo+ -apC map.pm 60000 -apo- pv -lr 1 -ld 100 -t 0 -dp 1e6 scene.oct";
     run(&radiance, keep.path(), &command.split(' ').collect::<Vec<_>>());
     let listed = run(&radiance, keep.path(), &["pmapdump", "-a", "-n", "1000k", "-f", "map.pm"]);
     let mut theirs = Cells::new();

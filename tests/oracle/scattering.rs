@@ -287,14 +287,19 @@ impl Landed {
     }
 }
 
-fn ours(site: &Site, bsdf: &Bsdf, sun: DVec3, diameter_deg: f64) -> Landed {
+/// What we store, and the standard error of its flux as a share: photons are shared out evenly, so
+/// that only their survival is left to chance.
+fn ours(site: &Site, bsdf: &Bsdf, sun: DVec3, diameter_deg: f64) -> (Landed, f64) {
     let suns = timeline(&[(frame().world_from_local(sun), IRRADIANCE)]);
     let timeline = Timeline { sun_diameter_deg: diameter_deg, ..suns };
     let settings = Settings { sun_visibility: false, ..settings(60_000) };
     let emission = Emission { site, timeline: &timeline, bsdfs: vec![bsdf], settings };
     let (plan, photons, _) = trace(&emission);
     let local = |d: glam::Vec3| frame().local_from_world(-d.as_dvec3());
-    Landed { to: photons.iter().map(|p| local(p.direction)).collect(), each_w: plan.photon_w }
+    let stored = photons.len() as f64;
+    let error = ((1.0 - stored / plan.emitted as f64) / stored).sqrt();
+    let to = photons.iter().map(|p| local(p.direction)).collect();
+    (Landed { to, each_w: plan.photon_w }, error)
 }
 
 /// A tree of rank 3 as Radiance gets it from us, and one of rank 4 without any symmetry.
@@ -343,15 +348,16 @@ fn check(name: &str, text: &str) {
         let sun = from(incidence_deg);
         let falls_w = IRRADIANCE * PV_M * PV_M;
         let sum = |diameter_deg| tree.expected(sun, diameter_deg).iter().sum::<f64>() * falls_w;
-        let whole = ours(&site, &bsdf, sun, DISC_DEG);
+        let (whole, error) = ours(&site, &bsdf, sun, DISC_DEG);
         let ratio = whole.flux_w() / sum(DISC_DEG);
-        let point = ours(&site, &bsdf, sun, POINT_DEG);
+        let (point, _) = ours(&site, &bsdf, sun, POINT_DEG);
         let (chi2, degrees) = point.chi2(&tree, sun, &tree.expected(sun, POINT_DEG));
         println!(
-            "{name}, {incidence_deg} degrees: flux {ratio:.4} of the file's, chi2 {chi2:.0} over {degrees}"
+            "{name}, {incidence_deg} degrees: flux {ratio:.4} of the file's ({error:.4}), chi2 \
+             {chi2:.0} over {degrees}"
         );
-        let noise = 4.0 / (whole.to.len() as f64).sqrt();
-        assert!((ratio - 1.0).abs() < noise, "{name}, {incidence_deg}: {ratio}");
+        // Beyond chance: what the disc's 1,920 points miss of a border of cells.
+        assert!((ratio - 1.0).abs() < 4.0 * error + 5e-4, "{name}, {incidence_deg}: {ratio}");
         assert!(
             degrees > 15.0 && chi2 < limit(degrees),
             "{name}, {incidence_deg}: {chi2} over {degrees}"

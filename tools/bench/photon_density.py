@@ -72,6 +72,7 @@ def main():
     parser.add_argument("--alpha", type=float, default=0.2, help="GGX roughness of the PV glass")
     parser.add_argument("--reflectance", type=float, default=0.04, help="of the cells below it")
     parser.add_argument("--scale", type=float, default=1.0, help="enlarges our scene, to see it fail")
+    parser.set_defaults(radius=10.0)  # of a view that isn't rendered
     options = parser.parse_args()
     env, glintmap = radiance(), options.glintmap.resolve()
     with tempfile.TemporaryDirectory() as name:

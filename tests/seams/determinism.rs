@@ -2,10 +2,10 @@
 //! memory, the shards, and however often the run was killed.
 
 use std::collections::BTreeMap;
-use std::fs;
 use std::path::Path;
 
-use crate::support::program::{hashes, killed_at, project, root, succeed};
+use crate::support::golden;
+use crate::support::program::{hashes, killed_at, project, succeed};
 
 fn run(project: &Path, more: &[&str]) -> BTreeMap<String, String> {
     let path = project.to_str().expect("a plain path");
@@ -42,20 +42,21 @@ fn another_seed_changes_the_photons() {
     assert_ne!(stores(&first), stores(&second));
 }
 
-/// The hashes of all outputs of a tiny project, committed: what changes a byte anywhere shows up
-/// here. `GLINTMAP_BLESS=1` writes them anew, after the change was understood.
+/// The outputs of a tiny project, committed: what changes a byte anywhere shows up here, and is
+/// told by map, channel and amount. `GLINTMAP_BLESS=1` writes them anew, after the change was
+/// understood.
 #[test]
 fn the_tiny_project_has_the_committed_bytes() {
     let (_keep, tiny) = project("tiny");
     let found = run(&tiny, &[]);
-    let file = root().join("fixtures/tiny-hashes.json");
     if std::env::var_os("GLINTMAP_BLESS").is_some() {
-        let text = serde_json::to_string_pretty(&found).expect("writes") + "\n";
-        fs::write(&file, text).expect("writes the fixture");
+        golden::write(&tiny.join("run"), &found);
     }
-    let text = fs::read(&file).expect("fixtures/tiny-hashes.json");
-    let committed: BTreeMap<String, String> = serde_json::from_slice(&text).expect("reads");
-    assert_same(&committed, &found, "fixtures/tiny-hashes.json (see the comment of this test)");
+    let differ = golden::differences(&tiny.join("run"), &found);
+    assert!(
+        differ.is_empty(),
+        "the committed run (see the comment of this test) differs:\n{differ}"
+    );
 }
 
 /// Files and pieces of work of all stages, in the order of a run.

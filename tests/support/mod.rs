@@ -1,6 +1,9 @@
 #![allow(dead_code)]
 //! What tests share: where real data and Python lie, and how a test says that it was skipped.
 
+#[path = "../../tools/src/compare/mod.rs"]
+pub mod compare;
+pub mod golden;
 pub mod program;
 pub mod series;
 

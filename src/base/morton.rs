@@ -1,6 +1,6 @@
-//! Morton codes: the bits of three integers woven into one, so that cells that lie close together in
-//! space have numbers that lie close together. The photon store orders its octree by them, a view
-//! its tiles.
+//! Morton codes: the bits of three integers woven into one, so that cells that lie close together
+//! in space have numbers that lie close together. The photon store orders its octree by them, a
+//! view its tiles.
 
 /// Bits of each integer, which are the levels of an octree: three times 21 fill 63 bits.
 pub const LEVELS: u32 = 21;

@@ -1,24 +1,26 @@
 //! Scattering square by square: how a BSDF is drawn from, bounded and aimed.
 //!
 //! A photon that leaves the PV should reach something. Drawing a direction from the whole BSDF and
-//! throwing away what flies into the sky wastes nearly all photons of a flat roof. So each lobe of a
-//! BSDF is a chart ([`super::Chart`]): a map from the unit square to directions. For two even numbers
-//! `(u, v)` it gives a direction and a density such that `f * cos(out) dω = density du dv`. A square of
-//! a chart ([`super::Square`]) is a set of directions that can be halved, and three things are known of
-//! it without drawing anything:
+//! throwing away what flies into the sky wastes nearly all photons of a flat roof. So each lobe of
+//! a BSDF is a chart ([`super::Chart`]): a map from the unit square to directions. For two even
+//! numbers `(u, v)` it gives a direction and a density such that `f * cos(out) dω = density du dv`.
+//! A square of a chart ([`super::Square`]) is a set of directions that can be halved, and three
+//! things are known of it without drawing anything:
 //!
-//! - [`Bsdf::reach`]: a cone that holds all its directions, for every incident direction of a cone (the
-//!   sun's disc). A square whose cone clears the horizon of what can be hit is left out, and provably
-//!   nothing is lost.
-//! - [`Bsdf::most`]: an upper bound of `density * cos(in)` over the square and the sun's disc. Photons are
-//!   shared out by it, and survive with `density * cos(in) / most`, so that all carry the same flux.
+//! - [`Bsdf::reach`]: a cone that holds all its directions, for every incident direction of a cone
+//!   (the sun's disc). A square whose cone clears the horizon of what can be hit is left out, and
+//!   provably nothing is lost.
+//! - [`Bsdf::most`]: an upper bound of `density * cos(in)` over the square and the sun's disc.
+//!   Photons are shared out by it, and survive with `density * cos(in) / most`, so that all carry
+//!   the same flux.
 //! - [`Bsdf::density`]: the density itself.
 //!
-//! What the square means depends on the kind: for microfacets the two numbers draw a half vector among
-//! those that the incident direction sees (Heitz 2018, "Sampling the GGX distribution of visible
-//! normals"), for a diffuse base a direction by the square of its sine, for a tensor tree a cell of its
-//! outgoing square. Charts of outgoing directions for all kinds were tried first: a narrow lobe then
-//! lies in one square in ten thousand, and the bounds say nothing before fourteen halvings.
+//! What the square means depends on the kind: for microfacets the two numbers draw a half vector
+//! among those that the incident direction sees (Heitz 2018, "Sampling the GGX distribution of
+//! visible normals"), for a diffuse base a direction by the square of its sine, for a tensor tree a
+//! cell of its outgoing square. With one chart of
+//! outgoing directions for all kinds a narrow lobe would lie in one square in ten thousand, and the
+//! bounds would say nothing before it was halved seven times.
 
 use std::f64::consts::PI;
 

@@ -1,10 +1,11 @@
 //! BSDF files as WINDOW and Radiance write them: XML with Klems matrices or tensor trees.
 //!
-//! The format has no specification beyond LBNL's examples and what Radiance's `bsdf.c` accepts, so files
-//! differ: text before the XML, bases defined in the file under LBNL's names, comments within the
-//! numbers, a transmission that is only given one way. The reader takes what Radiance takes, says in
-//! [`BsdfFile::notes`] what it mended, and refuses the rest with the line, the element, what was
-//! expected and what was found. All counts are claims and are bounded before they size anything.
+//! The format has no specification beyond LBNL's examples and what Radiance's `bsdf.c` accepts, so
+//! files differ: text before the XML, bases defined in the file under LBNL's names, comments within
+//! the numbers, a transmission that is only given one way. The reader takes what Radiance takes,
+//! says in [`BsdfFile::notes`] what it mended, and refuses the rest with the line, the element,
+//! what was expected and what was found. All counts are claims and are bounded before they size
+//! anything.
 
 use std::path::Path;
 

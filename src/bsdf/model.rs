@@ -1,8 +1,9 @@
-//! Models of reflection as a project names them, and the ranges in which their numbers mean something.
+//! Models of reflection as a project names them, and the ranges in which their numbers mean
+//! something.
 //!
-//! A [`Model`] is data: what `{ kind = "pv-glass", index = 1.52, ... }` says. [`super::Bsdf::from_model`]
-//! makes of it what scatters. Ranges are checked here, once, so that nothing behind has to expect an
-//! index of 0 or a roughness for which the sampling breaks down.
+//! A [`Model`] is data: what `{ kind = "pv-glass", index = 1.52, ... }` says.
+//! [`super::Bsdf::from_model`] makes of it what scatters. Ranges are checked here, once, so that
+//! nothing behind has to expect an index of 0 or a roughness for which the sampling breaks down.
 
 use serde::Deserialize as _;
 

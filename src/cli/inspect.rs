@@ -1,6 +1,7 @@
 //! `glintmap inspect`: what a file of our own holds, read only.
 //!
-//! The first line of each of our files names its format; what isn't ours is refused with what was found.
+//! The first line of each of our files names its format; what isn't ours is refused with what was
+//! found.
 
 use std::collections::BTreeMap;
 use std::fmt::Write as _;

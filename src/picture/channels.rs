@@ -24,13 +24,6 @@ impl Channels {
         Self { columns, rows, list: Vec::new(), attributes: Vec::new() }
     }
 
-    /// A raster of one channel.
-    pub fn single(name: &str, grid: Grid<f32>) -> Self {
-        let mut out = Self::new(grid.columns(), grid.rows());
-        out.list.push((name.to_owned(), grid));
-        out
-    }
-
     /// A raster with the channels R, G and B.
     pub fn from_rgb(picture: &Rgb) -> Self {
         let mut out = Self::new(picture.columns(), picture.rows());

@@ -14,9 +14,8 @@ pub mod reflect;
 pub mod view;
 
 pub use gather::{
-    Annual, DECIDED, Error as GatherError, Estimate, Estimator, Fused, Gather, Kernel,
-    MIN_RADIUS_M, SensorSeries, Series, SeriesSummary, Surfaces, VirtualSensors, annual, estimate,
-    series, undecided,
+    Annual, DECIDED, Error as GatherError, Estimator, Fused, Gather, Kernel, MIN_RADIUS_M,
+    SensorSeries, Series, SeriesSummary, Surfaces, VirtualSensors, annual, series, undecided,
 };
 pub use paint::{background, moment, representative_suns};
 pub use reflect::{

@@ -1,9 +1,9 @@
 //! Criteria as data: what a profile says, and how it is read and checked.
 //!
-//! Rules differ by country and change, so none is code: a profile is a `.toml` beside this file or one of
-//! the user's, with its source, its standing and its limits. A limit names a quantity, an operator, and
-//! the conditions under which it was stated; what the engine can't measure under these conditions is
-//! "not evaluated", never silently passed.
+//! Rules differ by country and change, so none is code: a profile is a `.toml` beside this file or
+//! one of the user's, with its source, its standing and its limits. A limit names a quantity, an
+//! operator, and the conditions under which it was stated; what the engine can't measure under
+//! these conditions is "not evaluated", never silently passed.
 
 use serde::{Deserialize, Serialize};
 

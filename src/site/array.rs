@@ -1,8 +1,8 @@
 //! Rows of modules on a roof or a field where no panel is modelled.
 //!
-//! A planner has an outline, a tilt and a pitch long before anyone draws modules. Seen from above a row is
-//! a strip; cutting the outline's triangles at the strip's two edges and raising what is left gives the
-//! row, however the outline looks.
+//! A planner has an outline, a tilt and a pitch long before anyone draws modules. Seen from above a
+//! row is a strip; cutting the outline's triangles at the strip's two edges and raising what is
+//! left gives the row, however the outline looks.
 
 use glam::{DVec2, DVec3};
 

@@ -1,13 +1,11 @@
 //! Reads a whole scene: the order in which everything about a site happens.
 //!
-//! Files are read into a draft, then the coordinate system, the origin and true north are settled, the
-//! draft is moved, rows of modules are added, polygons are cut into triangles, and the PV is picked.
-//! Faults of all files are collected before anything is refused.
-
-use std::path::Path;
+//! Files are read into a draft, then the coordinate system, the origin and true north are settled,
+//! the draft is moved, rows of modules are added, polygons are cut into triangles, and the PV is
+//! picked. Faults of all files are collected before anything is refused.
 
 use super::build::Builder;
-use super::draft::{Draft, Full};
+use super::draft::{Draft, Full, SourceFile};
 use super::format::{Axes, Format, format_of};
 use super::levels::Levels;
 use super::log::Log;
@@ -188,7 +186,7 @@ fn read_all(
             continue;
         }
         let bytes = files.scene_file(&file.path)?;
-        let at = (i as u32, file.path.as_path());
+        let at = SourceFile { number: i as u32, path: &file.path };
         let (first_object, first_surface) = (draft.objects.len(), draft.surfaces.len());
         if format == Format::Radiance {
             let text = String::from_utf8_lossy(&bytes);
@@ -212,7 +210,7 @@ fn read_all(
                 log.fault(Place { file: file.path.clone(), ..Place::default() }, message);
             }
         } else {
-            let how = (scene.lod.as_deref(), plain);
+            let how = cityjson::How { wanted: scene.lod.as_deref(), material: plain };
             let read = match format {
                 Format::CityJson => cityjson::read(at, &bytes, how, draft, log),
                 _ => cityjson::read_sequence(at, &bytes, how, draft, log),
@@ -256,7 +254,7 @@ fn is_on_a_map(mesh: &Mesh, axes: Axes) -> bool {
 /// Adds a mesh and its materials; those without a colour are as the project's default.
 fn add_mesh(
     mesh: Mesh,
-    (source, file): (u32, &Path),
+    file: SourceFile<'_>,
     axes: Axes,
     plain: u32,
     draft: &mut Draft,
@@ -272,8 +270,14 @@ fn add_mesh(
             (draft.materials.len() as u32 - 1, None)
         })
         .collect();
-    let owner = Owner { source, line: 0, object: None, materials: &materials, mirrored: false };
-    mesh.add(|p| axes.metres(p), &owner, draft, log, file)
+    let owner = Owner {
+        source: file.number,
+        line: 0,
+        object: None,
+        materials: &materials,
+        mirrored: false,
+    };
+    mesh.add(|p| axes.metres(p), &owner, draft, log, file.path)
 }
 
 fn empty(scene: &SceneSpec, draft: &Draft) -> Error {

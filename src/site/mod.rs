@@ -1,8 +1,8 @@
 //! What stands there: the scene's surfaces, the PV among them, their materials, and the rays.
 //!
-//! Readers (`rad`, `cityjson`, `mesh`, `terrain`) put what they find, in the coordinates of the source and in f64,
-//! into one draft; [`Site::load`] moves the draft to the local origin, turns it to true north, cuts
-//! its polygons into triangles, picks the PV and builds the hierarchy for rays.
+//! Readers (`rad`, `cityjson`, `mesh`, `terrain`) put what they find, in the coordinates of the
+//! source and in f64, into one draft; [`Site::load`] moves the draft to the local origin, turns it
+//! to true north, cuts its polygons into triangles, picks the PV and builds the hierarchy for rays.
 //!
 //! Coordinates: Radiance files are local; city models hold map coordinates. Local coordinates are
 //! map coordinates less [`Site::origin`], turned about the origin so that +y is true north:

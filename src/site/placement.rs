@@ -1,9 +1,9 @@
 //! Where a scene lies: reference system, local origin, true north.
 //!
-//! Local models and map coordinates come together in one scene. Those of a map are moved by the origin and
-//! everything is turned so that +y is true north, because the sun's directions count from there and a
-//! map's grid may be off by degrees (the grid's convergence). Local coordinates stay small, so that f32
-//! is exact to millimetres.
+//! Local models and map coordinates come together in one scene. Those of a map are moved by the
+//! origin and everything is turned so that +y is true north, because the sun's directions count
+//! from there and a map's grid may be off by degrees (the grid's convergence). Local coordinates
+//! stay small, so that f32 is exact to millimetres.
 
 use std::fmt;
 

@@ -1,15 +1,16 @@
 //! Aiming: which squares of a BSDF's lobes photons are drawn from, for one sun and one PV surface.
 //!
-//! Most of what a flat roof reflects flies into the sky. A photon that is drawn, sent and lost costs as
-//! much as one that lands, so the lobe is cut into squares ([`crate::bsdf::Square`]), and only those are
-//! kept whose cone of directions doesn't clear the horizon of what can be hit. Cutting goes where it pays:
-//! the square with the largest waste (what its bound promises less what it is seen to give) is cut next,
-//! from a heap, until waste falls below 2 % or the budget is spent. The budget grows with the photons that
-//! are wanted for each sun, so that a run of few photons doesn't cut more than it sends.
+//! Most of what a flat roof reflects flies into the sky. A photon that is drawn, sent and lost
+//! costs as much as one that lands, so the lobe is cut into squares ([`crate::bsdf::Square`]), and
+//! only those are kept whose cone of directions doesn't clear the horizon of what can be hit.
+//! Cutting goes where it pays: the square with the largest waste (what its bound promises less what
+//! it is seen to give) is cut next, from a heap, until waste falls below 2 % or the budget is
+//! spent. The budget grows with the photons that are wanted for each sun, so that a run of few
+//! photons doesn't cut more than it sends.
 //!
-//! Lobes whose bound is a product of incident and outgoing part (a diffuse base) are cut once for all suns
-//! ([`SharedSquares`]). A uniform grid of squares lost: a lobe of half a degree wants 14 halvings in one
-//! place and none elsewhere.
+//! Lobes whose bound is a product of incident and outgoing part (a diffuse base) are cut once for
+//! all suns ([`SharedSquares`]). A uniform grid would not do: a lobe of half a degree wants 14
+//! halvings in one place and none elsewhere.
 
 use std::cmp::Ordering;
 use std::collections::BinaryHeap;

@@ -1,19 +1,18 @@
 //! Sending photons in batches, in order, on any number of threads.
 //!
-//! A batch is a fixed range of photon numbers: its content depends on nothing else, as random numbers are
-//! counter-based. Batches are traced in parallel, window by window, and delivered one after the other
-//! while the next window is traced. Units are ranges of batches that are sealed and resumed as a whole,
-//! cut by the plan alone, so that shards and machines agree on them.
+//! A batch is a fixed range of photon numbers: its content depends on nothing else, as random
+//! numbers are counter-based. Batches are traced in parallel, window by window, and delivered one
+//! after the other while the next window is traced. Units are ranges of batches that are sealed and
+//! resumed as a whole, cut by the plan alone, so that shards and machines agree on them.
 
 use std::ops::Range;
 
 use rayon::prelude::*;
 
 use super::Error;
-use super::emission::Emission;
 use super::path::{Batch, Draw, Tracer};
 use super::plan::{BATCH_PHOTONS, Plan};
-use crate::base::{Photon, PhotonSink, Progress, Purpose, SinkError, Tally};
+use crate::base::{PhotonSink, Progress, Purpose, SinkError, Tally};
 
 /// Takes photons, and is told when a unit is complete.
 pub trait UnitSink: PhotonSink {
@@ -24,44 +23,14 @@ pub trait UnitSink: PhotonSink {
     fn complete(&mut self, unit: u64, tally: &Tally) -> Result<(), SinkError>;
 }
 
-/// Sends all photons of a plan and delivers those that land, batch by batch in order, whatever
-/// the number of threads; the sink is called by one thread at a time while the next batches are
-/// traced. Runs in the current rayon pool and holds some four batches a thread.
-///
-/// # Errors
-/// What [`Emission::check`] finds, a sink that can't keep its photons, and interruption.
-pub fn run(
-    emission: &Emission,
-    plan: &Plan,
-    sink: &mut dyn PhotonSink,
-    progress: &dyn Progress,
-) -> Result<Tally, Error> {
-    let units: Vec<u64> = (0..plan.units()).collect();
-    let mut sink = Summing { sink, tally: Tally::default() };
-    run_units(emission, plan, &units, &mut sink, progress)?;
-    Ok(sink.tally)
-}
-
-/// Sends the photons of some units of a plan, one unit after the other; [`run`] for all of them.
-/// The tally of the whole is the sum of the units' in ascending order, to the last bit.
-///
-/// # Errors
-/// What [`Emission::check`] finds, a sink that can't keep its photons, and interruption.
-pub fn run_units(
-    emission: &Emission,
-    plan: &Plan,
-    units: &[u64],
-    sink: &mut dyn UnitSink,
-    progress: &dyn Progress,
-) -> Result<(), Error> {
-    Tracer::new(emission)?.run_units(plan, units, sink, progress)
-}
-
 impl Tracer<'_> {
-    /// See [`run_units`].
+    /// Sends the photons of some units of a plan and delivers those that land, batch by batch in
+    /// order, whatever the number of threads; the sink is called by one thread at a time while the
+    /// next batches are traced. Runs in the current rayon pool and holds some four batches a thread.
+    /// The tally of the whole is the sum of the units' in ascending order, to the last bit.
     ///
     /// # Errors
-    /// As there.
+    /// A sink that can't keep its photons, and interruption.
     pub fn run_units(
         &self,
         plan: &Plan,
@@ -85,25 +54,6 @@ impl Tracer<'_> {
         });
         progress.finish();
         result
-    }
-}
-
-/// Adds up the tallies of the units.
-struct Summing<'a> {
-    sink: &'a mut dyn PhotonSink,
-    tally: Tally,
-}
-
-impl PhotonSink for Summing<'_> {
-    fn accept(&mut self, photons: &[Photon]) -> Result<(), SinkError> {
-        self.sink.accept(photons)
-    }
-}
-
-impl UnitSink for Summing<'_> {
-    fn complete(&mut self, _unit: u64, tally: &Tally) -> Result<(), SinkError> {
-        self.tally.add(tally);
-        Ok(())
     }
 }
 

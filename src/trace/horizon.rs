@@ -1,13 +1,15 @@
 //! Horizons: under which elevation anything can be hit from a piece of PV, by compass direction.
 //!
 //! The question is asked millions of times: can a photon that starts anywhere in this box and flies
-//! anywhere into this cone hit anything within the path limit? A ray can't answer it for a cone, and the
-//! answer no must be proved, as what it leaves out is never sampled. So all triangles are rasterised into
-//! columns of a quadtree ([`super::skyline`]), each with its highest point, and for every piece and each
-//! of 512 directions the largest tangent of the elevation to any column is kept.
+//! anywhere into this cone hit anything within the path limit? A ray can't answer it for a cone,
+//! and the answer no must be proved, as what it leaves out is never sampled. So all triangles are
+//! rasterised into columns of a quadtree ([`super::skyline`]), each with its highest point, and for
+//! every piece and each of 512 directions the largest tangent of the elevation to any column is
+//! kept.
 //!
-//! [`super::reach`] holds the same as a pyramid of pictures, azimuth by elevation, in which a pixel is the
-//! set of pieces that may reach something there: a cone is answered for all pieces by a few look-ups.
+//! [`super::reach`] holds the same as a pyramid of pictures, azimuth by elevation, in which a pixel
+//! is the set of pieces that may reach something there: a cone is answered for all pieces by a few
+//! look-ups.
 
 use glam::DVec3;
 

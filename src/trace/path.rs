@@ -1,10 +1,10 @@
 //! One photon from the sun to its end.
 //!
-//! Photon `n` of `N` belongs to a fixed position of the distribution over timesteps, emitters and squares
-//! ([`super::power`]): stratified, so that each sun gets its share of photons to within one, and the same
-//! photon whoever sends it. What is decided on the way, in order: the point of the sun's disc, the
-//! square's direction and survival, the piece and the point that it starts from, whether the sun is seen
-//! from there, and where it lands.
+//! Photon `n` of `N` belongs to a fixed position of the distribution over timesteps, emitters and
+//! squares ([`super::power`]): stratified, so that each sun gets its share of photons to within
+//! one, and the same photon whoever sends it. What is decided on the way, in order: the point of
+//! the sun's disc, the square's direction and survival, the piece and the point that it starts
+//! from, whether the sun is seen from there, and where it lands.
 
 use std::ops::Range;
 

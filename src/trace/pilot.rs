@@ -1,9 +1,9 @@
 //! How many photons to send so that as many land as were asked for: a pilot finds out.
 //!
 //! Users ask for stored photons, since these decide about noise. The share that lands isn't known
-//! beforehand, so a pilot sends photons of its own, in growing rounds over the whole year, until enough
-//! have landed to know it to 0.5 %. They are thrown away: keeping them would make the store depend on how
-//! the rounds went.
+//! beforehand, so a pilot sends photons of its own, in growing rounds over the whole year, until
+//! enough have landed to know it to 0.5 %. They are thrown away: keeping them would make the store
+//! depend on how the rounds went.
 
 use super::Error;
 use super::batch::send_all;
@@ -26,22 +26,13 @@ const LEAST_SENT: u64 = 1 << 24;
 /// Photons that a run may send.
 const MOST_EMITTED: f64 = (1_u64 << 48) as f64;
 
-/// Finds how many photons to send so that `settings.stored` land. Deterministic: sends photons of
-/// their own in growing rounds, each spread over the whole year, until about 40,000 have landed
-/// (fewer for targets below 100,000).
-///
-/// # Errors
-/// What [`Emission::check`] finds, [`Error::NothingLands`] with the shares that say why, and
-/// interruption.
-pub fn plan(emission: &Emission, progress: &dyn Progress) -> Result<Plan, Error> {
-    Tracer::new(emission)?.plan(progress)
-}
-
 impl Tracer<'_> {
-    /// See [`plan`].
+    /// Finds how many photons to send so that `settings.stored` land. Deterministic: sends photons of
+    /// their own in growing rounds, each spread over the whole year, until about 40,000 have landed
+    /// (fewer for targets below 100,000).
     ///
     /// # Errors
-    /// As there.
+    /// [`Error::NothingLands`] with the shares that say why, and interruption.
     pub fn plan(&self, progress: &dyn Progress) -> Result<Plan, Error> {
         let (tracer, emission) = (self, self.emission);
         let target = emission.settings.stored;

@@ -1,8 +1,9 @@
 //! The distribution that photons are drawn from: watts over timesteps, emitters and squares.
 //!
-//! With 260,000 suns and a thousand squares each, the table of all squares doesn't fit into memory. Only
-//! the sum of each timestep is kept; its squares are cut again, deterministically, when photons come to
-//! it. As photons come in the order of their number, that is once for each timestep and batch.
+//! With 260,000 suns and a thousand squares each, the table of all squares doesn't fit into memory.
+//! Only the sum of each timestep is kept; its squares are cut again, deterministically, when
+//! photons come to it. As photons come in the order of their number, that is once for each timestep
+//! and batch.
 
 use glam::DVec3;
 use rayon::prelude::*;

@@ -1,9 +1,10 @@
 //! Virtual sensors: discs in free air through which photons are counted.
 //!
-//! An observer on a balcony is no surface, so nothing lands on them. A small disc in the air is crossed
-//! instead, and the flux through it over its area is the irradiance. Of a year's photons few cross a disc
-//! of half a metre, hence a run of its own: everything is aimed at the discs alone. A ray must find all
-//! that it crosses, not the first, so they lie in a small tree of boxes of their own.
+//! An observer on a balcony is no surface, so nothing lands on them. A small disc in the air is
+//! crossed instead, and the flux through it over its area is the irradiance. Of a year's photons
+//! few cross a disc of half a metre, hence a run of its own: everything is aimed at the discs
+//! alone. A ray must find all that it crosses, not the first, so they lie in a small tree of boxes
+//! of their own.
 
 use glam::{DVec3, Vec3};
 

@@ -4,6 +4,7 @@
 #[path = "../../tools/src/compare/mod.rs"]
 pub mod compare;
 pub mod golden;
+pub mod photons;
 pub mod program;
 pub mod series;
 

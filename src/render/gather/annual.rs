@@ -1,8 +1,9 @@
 //! The annual map: of each pixel, the photons of the whole year as one irradiance.
 //!
-//! Each photon counts with its flux times the hours of its timestep; [`super::share`] finds the photons of
-//! a pixel and says which of them came and went since the pixel before, so that a sum is kept instead of
-//! made anew. Sums are of integers ([`super::flux`]), hence the same for any order of tiles and threads.
+//! Each photon counts with its flux times the hours of its timestep; [`super::share`] finds the
+//! photons of a pixel and says which of them came and went since the pixel before, so that a sum is
+//! kept instead of made anew. Sums are of integers ([`super::flux`]), hence the same for any order
+//! of tiles and threads.
 
 use std::sync::{Mutex, PoisonError};
 
@@ -47,7 +48,7 @@ struct Value {
 /// `surfaces` a disc is a disc wherever it lies.
 ///
 /// # Errors
-/// [`Error::Settings`], [`Error::Pages`], [`Error::Interrupted`].
+/// [`Error::View`]: settings, interruption; [`Error::Pages`].
 pub fn annual(
     store: &Store,
     surfaces: Option<&Surfaces<'_>>,
@@ -58,12 +59,10 @@ pub fn annual(
 ) -> Result<Annual, Error> {
     let timesteps = store.info().timesteps as usize;
     if weights_h.len() != timesteps {
-        return Err(Error::Settings {
-            what: format!(
-                "the photon store was made for {timesteps} timesteps, the timeline has {}; trace again",
-                weights_h.len()
-            ),
-        });
+        return Err(Error::settings(format!(
+            "the photon store was made for {timesteps} timesteps, the timeline has {}; trace again",
+            weights_h.len()
+        )));
     }
     let shared = Shared::new(store, surfaces, settings)?;
     let fluxes = Fluxes::of(store, weights_h.iter().copied().fold(0.0, f64::max));

@@ -42,7 +42,7 @@ impl<'a> Fused<'a> {
     /// Finds the discs of all pixels. Each tile's whole year passes by meanwhile: a sink gets it.
     ///
     /// # Errors
-    /// [`Error::Settings`], [`Error::Pages`], [`Error::Sink`], [`Error::Interrupted`].
+    /// [`Error::View`]: settings, a sink that fails, interruption; [`Error::Pages`].
     pub fn prepare(
         store: &'a Store,
         surfaces: Option<&'a Surfaces<'a>>,
@@ -112,7 +112,7 @@ impl<'a> Fused<'a> {
     /// Renders some timesteps of all tiles. Tiles without receiving surfaces are left out.
     ///
     /// # Errors
-    /// [`Error::Pages`], [`Error::Sink`], [`Error::Interrupted`].
+    /// [`Error::Pages`]; [`Error::View`]: a sink that fails, interruption.
     pub fn batch(
         &self,
         timesteps: Range<u32>,

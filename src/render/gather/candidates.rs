@@ -7,7 +7,7 @@
 
 use glam::Vec3;
 
-use super::estimate::Estimator;
+use super::estimator::Estimator;
 use super::photon_set::{Light, PhotonSet};
 
 /// Candidates that are looked at together.

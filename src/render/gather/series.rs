@@ -1,10 +1,11 @@
 //! The time series: of each pixel, the irradiance of every timestep.
 //!
-//! A disc of its own for each timestep would be ideal and costs a search per timestep; with k photons of
-//! one sun in it, it would also be so large that shadows blur. As Radiance's `rcontrib` does, all suns
-//! share one disc: the k nearest photons of the whole year give one radius, and are summed by timestep.
-//! A pixel's sums are kept from its neighbour and changed by the photons that came and went;
-//! [`TileSeries`] keeps them, and puts a tile's entries in the order that a [`TileSink`] expects.
+//! A disc of its own for each timestep would be ideal and costs a search per timestep; with k
+//! photons of one sun in it, it would also be so large that shadows blur. As Radiance's `rcontrib`
+//! does, all suns share one disc: the k nearest photons of the whole year give one radius, and are
+//! summed by timestep. A pixel's sums are kept from its neighbour and changed by the photons that
+//! came and went; [`TileSeries`] keeps them, and puts a tile's entries in the order that a
+//! [`TileSink`] expects.
 
 use std::ops::Range;
 use std::sync::{Mutex, PoisonError};
@@ -296,7 +297,7 @@ impl TileSeries {
 /// tiles at work. Without `surfaces` a disc is a disc wherever it lies.
 ///
 /// # Errors
-/// [`Error::Settings`], [`Error::Pages`], [`Error::Sink`], [`Error::Interrupted`].
+/// [`Error::View`]: settings, a sink that fails, interruption; [`Error::Pages`].
 pub fn series(
     store: &Store,
     surfaces: Option<&Surfaces<'_>>,

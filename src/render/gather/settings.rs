@@ -1,5 +1,5 @@
 use super::error::Error;
-use super::estimate::{Estimator, Kernel};
+use super::estimator::{Estimator, Kernel};
 use super::flux::MOST_PHOTONS;
 use super::surfaces::Tolerance;
 use crate::pages::Store;
@@ -48,21 +48,21 @@ impl Gather {
         if !(2..=MOST_PHOTONS).contains(&self.bandwidth) {
             let what =
                 format!("bandwidth is {}, expected 2 to {MOST_PHOTONS} photons", self.bandwidth);
-            return Err(Error::Settings { what });
+            return Err(Error::settings(what));
         }
         if !(self.normal_tolerance_deg > 0.0 && self.normal_tolerance_deg <= 90.0) {
             let what = format!(
                 "normal_tolerance_deg is {}, expected an angle above 0 and at most 90",
                 self.normal_tolerance_deg
             );
-            return Err(Error::Settings { what });
+            return Err(Error::settings(what));
         }
         if self.plane_tolerance_m.is_some_and(|t| !(t >= 0.01 && t.is_finite())) {
             let what = format!(
                 "plane_tolerance_m is {}, expected 0.01 m or more",
                 self.plane_tolerance_m.unwrap_or_default()
             );
-            return Err(Error::Settings { what });
+            return Err(Error::settings(what));
         }
         let radius = self.max_radius_m.unwrap_or_else(|| store.max_radius_m(self.bandwidth));
         if radius.is_finite() && radius > 0.0 {
@@ -73,7 +73,7 @@ impl Gather {
             return Ok(1.0);
         }
         let what = format!("max_radius_m is {radius}, expected a length above 0");
-        Err(Error::Settings { what })
+        Err(Error::settings(what))
     }
 
     /// What is done: the paper's estimator knows neither kernels nor edges, and takes photons of

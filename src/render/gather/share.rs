@@ -8,19 +8,19 @@
 //!
 //! 1. **Groups.** A tile's pixels, in the Morton order of what they show, are halved until loading
 //!    all photons of a group at once costs less than a search for each point ([`Shared::tile`]).
-//!    How far the group has to reach is guessed from the point in its middle; points whose k photons
-//!    lie farther go round again with a longer reach.
+//!    How far the group has to reach is guessed from the point in its middle; points whose k
+//!    photons lie farther go round again with a longer reach.
 //! 2. **Planes and pieces** (`group.rs`). Points of a group on one plane share a raster of where
 //!    their surface ends ([`super::surfaces`]), and those on one piece of it the photons there.
 //! 3. **Candidates** ([`super::candidates`]). Neighbours on a piece share a list of photons; each
 //!    point only says which of them came and went since the point before, so that sums are changed
 //!    instead of made anew.
 //!
-//! Sums are of integers ([`super::flux`]), so their order doesn't matter: neither groups nor guesses
-//! show in the result on an open surface, and a twin in the tests searches for every point alone.
-//! Along the edges of a surface they decide where the raster lies.
+//! Sums are of integers ([`super::flux`]), so their order doesn't matter: neither groups nor
+//! guesses show in the result on an open surface, and a twin in the tests searches for every point
+//! alone. Along the edges of a surface they decide where the raster lies.
 //!
-//! What lost: a grid of cells with the photons of each (flat discs at roof edges reach across ten
+//! What would do worse: a grid of cells with the photons of each (flat discs at roof edges reach across ten
 //! cells, and its size fits only one density), and one list of candidates for a whole tile (a tile
 //! that shows a gable and the street behind it has two far-apart sets of neighbours).
 
@@ -34,7 +34,7 @@ use glam::Vec3;
 use self::group::{Known, Sorted, Todo};
 use super::candidates::{Answer, Bound, Candidates, Change, Last, Wanted};
 use super::error::Error;
-use super::estimate::{Kernel, MIN_RADIUS_M};
+use super::estimator::{Kernel, MIN_RADIUS_M};
 use super::flux::Beam;
 use super::photon_set::{Light, PhotonSet};
 use super::settings::Gather;

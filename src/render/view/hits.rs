@@ -1,8 +1,9 @@
 //! What every pixel of a view sees first; written once, read by every estimator.
 //!
-//! Shooting the rays once has two reasons: photons, direct integration and pictures then mean the same
-//! places, and a view can be resumed without the scene. A hit's place is computed anew in f64 from the
-//! triangle's plane, as a ray from far away would otherwise miss its surface by millimetres.
+//! Shooting the rays once has two reasons: photons, direct integration and pictures then mean the
+//! same places, and a view can be resumed without the scene. A hit's place is computed anew in f64
+//! from the triangle's plane, as a ray from far away would otherwise miss its surface by
+//! millimetres.
 
 use std::path::Path;
 

@@ -1,8 +1,8 @@
 //! PLY: text or binary of either byte order, vertices and faces of any size.
 //!
-//! The header says which properties an element has, in which order and of which type, so a body can only
-//! be read value by value. Counts are claims: nothing is allocated by them, and reading ends where the
-//! file ends. After Turk 1994, "The PLY polygon file format".
+//! The header says which properties an element has, in which order and of which type, so a body can
+//! only be read value by value. Counts are claims: nothing is allocated by them, and reading ends
+//! where the file ends. After Turk 1994, "The PLY polygon file format".
 
 use std::path::Path;
 

@@ -1,8 +1,8 @@
 //! What a modifier's name means at a place of a Radiance scene.
 //!
-//! Radiance resolves names by order: a definition holds until the next one of its name, over all files.
-//! Surfaces may stand before their material when a later file defines it (as `oconv -f` tolerates), so
-//! unknown names wait until the end and are faults only then.
+//! Radiance resolves names by order: a definition holds until the next one of its name, over all
+//! files. Surfaces may stand before their material when a later file defines it, so unknown names
+//! wait until the end.
 
 use std::collections::{BTreeMap, HashMap, HashSet};
 

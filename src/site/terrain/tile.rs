@@ -1,10 +1,10 @@
 //! Triangulating a square of heights to a stated error, without cracks.
 //!
-//! The mesh follows a hierarchy of right triangles: each is halved from its right angle to the middle of
-//! its longest edge (Evans, Kirkpatrick, Townsend 2001, "Right-Triangulated Irregular Networks",
-//! Algorithmica 30). A middle is a corner of the mesh where a triangle that has it is off by more than the
-//! bound, measured at every height inside, or where one of its halves needs it: so no crack opens. Greedy
-//! insertion (Garland and Heckbert 1995) needs fewer triangles but minutes for a large grid.
+//! The mesh follows a hierarchy of right triangles: each is halved from its right angle to the
+//! middle of its longest edge (Evans, Kirkpatrick, Townsend 2001, "Right-Triangulated Irregular
+//! Networks", Algorithmica 30). A middle is a corner of the mesh where a triangle that has it is
+//! off by more than the bound, measured at every height inside, or where one of its halves needs
+//! it: so no crack opens.
 
 /// Largest vertical distance between a grid's height and the triangles that stand for it, m.
 pub(in crate::site) const ERROR_M: f32 = 0.1;

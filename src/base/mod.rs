@@ -1,6 +1,7 @@
 //! Words that every room uses: plain data without the behaviour of a room, and the seams
 //! (small traits) through which rooms deliver to others that they don't know.
 
+mod external_sort;
 mod fault;
 mod finding;
 mod grid;
@@ -17,6 +18,7 @@ mod tally;
 mod time;
 mod virtual_sensor;
 
+pub use external_sort::{ExternalSort, Merged, Record};
 pub use fault::FaultKind;
 pub use finding::{Finding, Place, Severity};
 pub use grid::{Grid, TileRect, tiles};

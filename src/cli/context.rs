@@ -5,7 +5,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use clap::Args;
 use serde::Serialize;
 
-use super::bar::Bar;
+use super::bar::{self, Bar};
 use crate::base::Progress;
 
 /// What every command takes.
@@ -36,11 +36,16 @@ impl Context {
             rayon::ThreadPoolBuilder::new().num_threads(threads.get()).build_global()?;
         }
         let stop = Arc::new(AtomicBool::new(false));
-        let flag = Arc::clone(&stop);
+        let (flag, quiet) = (Arc::clone(&stop), common.quiet);
         ctrlc::set_handler(move || {
             // The second time the user means it: leave at once. Nothing sealed is lost.
             if flag.swap(true, Ordering::Relaxed) {
                 std::process::exit(130);
+            }
+            if !quiet {
+                bar::line(
+                    "stopping as soon as what is begun can be left; Ctrl-C again leaves at once",
+                );
             }
         })?;
         let progress = Bar::new(common.quiet, stop);

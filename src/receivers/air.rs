@@ -31,7 +31,8 @@ impl InAir {
         let footing = set.groups.iter().flat_map(|g| &g.footing);
         let points: Vec<usize> =
             footing.enumerate().filter(|(_, f)| **f == Footing::Air).map(|(i, _)| i).collect();
-        let radius_m = view.annual.max_radius_m.map_or(GATE_M, |m| GATE_M.min(f64::from(m)));
+        let max_radius_m = view.photons().and_then(|gather| gather.annual.max_radius_m);
+        let radius_m = max_radius_m.map_or(GATE_M, |m| GATE_M.min(f64::from(m)));
         let sheet = SensorSheet::new(points.len(), radius_m);
         (!points.is_empty()).then_some(Self { points, sheet, radius_m })
     }

@@ -8,9 +8,10 @@ use serde::Serialize;
 use super::error::Error;
 use super::points::Spreader;
 use crate::base::Progress;
-use crate::project::{Ids, ObserverTable, PlannedView, RegionTable, Resolved};
+use crate::project::{Ids, ObserverTable, Picture, PlannedView, RegionTable, Resolved};
 use crate::render::{
-    self, Anywhere, MirrorDay, MirrorReceiver, MirrorRule, MirrorSummary, MirrorTimes, MirrorYear,
+    self, Anywhere, HitMap, MirrorDay, MirrorReceiver, MirrorRule, MirrorSummary, MirrorTimes,
+    MirrorYear,
 };
 use crate::rules;
 use crate::rules::Quantity;
@@ -347,7 +348,10 @@ fn region(
 ) -> Result<MirroredRegion, Error> {
     let trace = &spreader.resolved.trace;
     let hits = |view: &PlannedView| {
-        Ok(render::hits(&view.view, spreader.site, trace.max_path_m, trace.seed, progress)?)
+        let Some(Picture { view, .. }) = view.picture() else {
+            return Ok(HitMap { columns: 0, rows: 0, hits: Vec::new() });
+        };
+        Ok(render::hits(view, spreader.site, trace.max_path_m, trace.seed, progress)?)
     };
     let (samples, notes) = spreader.region(table, &hits, MOST_POINTS)?;
     if samples.is_empty() {

@@ -3,7 +3,7 @@
 pub const MIN_RADIUS_M: f64 = 1e-3;
 
 /// How photons around a point become irradiance there.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Default, serde::Serialize)]
 pub enum Estimator {
     /// `E = sum(Phi_1..Phi_{k-1}) / (pi r_k^2)`: free of bias where photons lie at random.
     #[default]
@@ -23,7 +23,8 @@ impl Estimator {
 }
 
 /// How photons in the disc are weighed.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Default, serde::Serialize, serde::Deserialize)]
+#[serde(rename_all = "lowercase")]
 pub enum Kernel {
     /// All the same: the handbook's estimator.
     #[default]

@@ -9,7 +9,7 @@ use crate::pages::Store;
 const RADIANCE_NORMAL_DEG: f32 = 89.43;
 
 /// How photons are gathered.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
 pub struct Gather {
     /// Photons per point, at least 2.
     pub bandwidth: usize,

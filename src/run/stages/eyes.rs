@@ -2,7 +2,6 @@
 
 use std::fmt::Write as _;
 use std::path::PathBuf;
-use std::time::Instant;
 
 use glintmap_formats::seal;
 use serde_json::json;
@@ -23,20 +22,12 @@ use crate::render::eye::hazard::{HazardZone, after_image_w_cm2, burn_w_cm2};
 use crate::render::eye::{Eye, EyeInstant, EyeMaterial, EyePv};
 use crate::rules::Class;
 use crate::run::error::Error;
-use crate::run::job::{Job, Stage};
+use crate::run::job::{Job, Made};
 use crate::volume::TimeAxis;
 
-/// The name of the unit.
-pub(in crate::run) const UNIT: &str = "glare observers";
-
 /// Looks through the eyes of all observers.
-pub(in crate::run) fn eyes(job: &mut Job<'_>) -> Result<(), Error> {
+pub(in crate::run) fn eyes(job: &Job<'_>) -> Result<Made, Error> {
     let resolved = job.resolved;
-    let Some(key) = resolved.eyes_key()? else { return Ok(()) };
-    if !job.needs(Stage::Glare, UNIT, &key) {
-        return Ok(());
-    }
-    let began = Instant::now();
     let timeline = job.timeline()?;
     let axis = TimeAxis::from(timeline);
     let site = job.site()?;
@@ -81,7 +72,7 @@ pub(in crate::run) fn eyes(job: &mut Job<'_>) -> Result<(), Error> {
     for (candidate, sheets) in resolved.candidates.iter().zip(sheets) {
         outputs.extend(sheets.write(job, candidate)?);
     }
-    job.done(UNIT, &key, &outputs, began, json!({ "observers": lookers.len() }))
+    Ok(Made::new(outputs, json!({ "observers": lookers.len() })))
 }
 
 /// What the observers' eyes see of a material, from its file; nothing where nobody looks.

@@ -31,7 +31,6 @@ use std::ops::Range;
 
 use glam::Vec3;
 
-use self::group::{Known, Sorted, Todo};
 use super::candidates::{Answer, Bound, Candidates, Change, Last, Wanted};
 use super::error::Error;
 use super::estimator::{Kernel, MIN_RADIUS_M};
@@ -163,6 +162,33 @@ pub(in crate::render) struct Recorded {
     groups: Vec<Group>,
     /// For each point its disc and the group that found it.
     discs: Vec<Option<(Disc, u32)>>,
+}
+
+/// What is known of a query point's disc.
+enum Known {
+    /// Nothing: it is to be found.
+    Nothing,
+    /// It was found before.
+    Disc(Disc),
+    /// Another group answers the point.
+    Elsewhere,
+}
+
+/// A query point, sorted by plane, then by piece of the surface there.
+#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+struct Sorted {
+    /// Bits of the normal.
+    normal: [u32; 3],
+    /// The plane's offset in steps; once a raster is drawn, the piece, -1 on slivers without one.
+    offset_or_piece: i32,
+    /// Index in the group.
+    at: u32,
+}
+
+/// A query point of a group to answer, and its disc where that was found before.
+struct Todo {
+    at: u32,
+    known: Option<Disc>,
 }
 
 /// Buffers, kept from tile to tile.

@@ -22,13 +22,14 @@ use super::partition::Partition;
 use super::store_header::{About, Header, Layout, Sums};
 
 use super::build_checkpoint::{self, Checkpoints};
-use super::morton::{Cube, LEVELS};
+use super::cube::Cube;
 use super::packed::Packed;
 use super::page;
 use super::partitioner::{Partitioner, SPLIT_LEVELS, SPLIT_PREFIX};
 use super::sort::Sorted;
 use super::spill::{SpillSummary, buffer_bytes, discard};
 use super::tree::{Cell, Leaf, cut, nodes};
+use crate::base::morton::LEVELS;
 use crate::base::{ExternalSort, Progress};
 
 /// Memory that a photon takes while it is sorted, cut and compressed: 32 itself, 16 its key, the

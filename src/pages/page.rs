@@ -7,10 +7,10 @@ use std::sync::OnceLock;
 use glam::Vec3;
 use glintmap_formats::gmp::{Columns, Flux};
 
-use super::morton::{deinterleave, interleave};
 use super::packed::Packed;
 use super::quantise::{flux, flux_code, unit};
 use super::store_header::Sums;
+use crate::base::morton::{deinterleave, interleave};
 use crate::base::{Aabb, Photon};
 
 /// Photons whose box is kept: the unit in which a search looks at a page.

@@ -7,11 +7,12 @@ use glintmap_formats::records::Packer;
 
 use super::Error;
 use super::build_checkpoint::NAME as BUILDING;
-use super::morton::{Cube, LEVELS};
+use super::cube::Cube;
 use super::packed::{Packed, RECORD_BYTES};
 use super::partition::{Partition, SUFFIX};
 use super::tree::Cell;
 use crate::base::Record;
+use crate::base::morton::LEVELS;
 
 /// The file that says that a spill is complete.
 pub(super) const SUMMARY: &str = "spill.json";

@@ -6,7 +6,7 @@ use std::path::Path;
 use rayon::prelude::*;
 
 use super::Error;
-use super::morton::Cube;
+use super::cube::Cube;
 use super::packed::Packed;
 use super::partition::Partition;
 use crate::base::Record;

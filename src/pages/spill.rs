@@ -12,7 +12,7 @@ use std::path::{Path, PathBuf};
 use glintmap_formats::seal;
 
 use super::Error;
-use super::morton::Cube;
+use super::cube::Cube;
 use super::packed::Packed;
 use super::partition::Partition;
 use super::partitioner::{CHECKPOINT, Partitioner, SPLIT_LEVELS, SUMMARY, remove_files};

@@ -11,8 +11,9 @@ use crate::project;
 use crate::project::Folder;
 use crate::project::{ObserverTable, RegionTable};
 use crate::project::{PlannedView, Resolved};
+use crate::render::PvInView;
 use crate::render::samples::{Sample, sample_objects, sample_polygon};
-use crate::render::sensors::{Footing, PvInView, Sensor, place};
+use crate::render::sensors::{Footing, Sensor, place};
 use crate::render::{HitMap, View};
 use crate::site::{Site, local_from_map};
 
@@ -258,10 +259,11 @@ impl Spreader<'_> {
     ) -> Result<(Vec<Sample>, Vec<String>), Error> {
         if let (Some(name), Some(polygon)) = (&region.view, &region.polygon) {
             // The reader checked that there is such a view.
-            let Some(view) = self.resolved.views.iter().find(|v| v.name == *name) else {
+            let view = self.resolved.views.iter().find(|v| v.name == *name);
+            let Some((view, picture)) = view.and_then(|v| Some((v, v.picture()?))) else {
                 return Ok((Vec::new(), Vec::new()));
             };
-            let all = pixels(&view.view, &hits(view)?, polygon);
+            let all = pixels(&picture.view, &hits(view)?, polygon);
             let every = all.len().div_ceil(most).max(1);
             let thinned = all
                 .into_iter()

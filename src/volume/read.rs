@@ -17,7 +17,8 @@ use super::fault::Wrong;
 use super::layout::{CHUNK_TIMESTEPS, CHUNK_VALUES, Tiling};
 use super::tiles::{Scratch, Tiles};
 use super::write::Summary;
-use super::{Error, Quantity, document, layout};
+use super::{Error, document, layout};
+use crate::base::Irradiance;
 use crate::base::TileRect;
 use crate::base::limits::TILE_EDGE;
 
@@ -108,7 +109,7 @@ impl Volume {
     }
 
     /// Which irradiance it holds; `None` where the volume doesn't say.
-    pub fn quantity(&self) -> Option<Quantity> {
+    pub fn quantity(&self) -> Option<Irradiance> {
         match &self.source {
             Source::Zarr(tiles) => tiles.quantity,
             Source::Npy(_) => None,

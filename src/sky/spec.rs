@@ -29,7 +29,7 @@ pub struct Place {
 }
 
 /// Which formulas say where the sun stands.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 pub enum SunModel {
     /// Radiance's gensky as of 2018, as the paper used it.
     #[serde(rename = "gensky-2018")]
@@ -114,20 +114,24 @@ pub struct TimeSpec {
 }
 
 impl Place {
-    /// Checks that the numbers can be a place.
-    pub(super) fn check(&self) -> Result<(), Error> {
+    /// The numbers that can't be a place's.
+    pub fn mistakes(&self) -> Vec<Error> {
         let checks = [
             ("latitude", self.latitude_deg, -90.0, 90.0, "-90 to 90 degrees north"),
             ("longitude", self.longitude_deg, -180.0, 180.0, "-180 to 180 degrees east"),
             ("meridian", self.meridian_deg, -180.0, 180.0, "-180 to 180 degrees east"),
             ("elevation_m", self.elevation_m, -500.0, 9000.0, "-500 to 9000 m"),
         ];
-        for (field, found, least, most, expected) in checks {
-            if !(least..=most).contains(&found) {
-                return Err(Error::Place { field, expected, found });
-            }
-        }
-        Ok(())
+        let outside =
+            checks.into_iter().filter(|(_, v, least, most, _)| !(least..=most).contains(&v));
+        outside
+            .map(|(field, found, .., expected)| Error::Place { field, expected, found })
+            .collect()
+    }
+
+    /// Checks that the numbers can be a place.
+    pub(super) fn check(&self) -> Result<(), Error> {
+        self.mistakes().into_iter().next().map_or(Ok(()), Err)
     }
 }
 
@@ -193,13 +197,24 @@ impl TimeSpec {
         (0..hours.len()).map(|i| Instant { hour: hours[i].0, length_h: length(i) }).collect()
     }
 
-    /// Checks everything that doesn't need the sun.
-    pub(super) fn check(&self) -> Result<(), Error> {
-        if !(1583..6000).contains(&self.year) {
-            return Err(Error::Year(self.year));
+    /// Everything that is wrong without asking the sun.
+    pub fn mistakes(&self) -> Vec<Error> {
+        let mut out = Vec::new();
+        let mut add = |checked: Result<(), Error>| out.extend(checked.err());
+        match (1583..6000).contains(&self.year) {
+            true => add(self.days.check(self.year)),
+            false => add(Err(Error::Year(self.year))),
         }
-        self.days.check(self.year)?;
-        self.hours.check()?;
+        add(self.hours.check());
+        add(self.check_finer());
+        add(self.irradiance.check());
+        if self.half_year && self.days.to > 182 {
+            add(Err(Error::HalfYear { from: self.days.from, to: self.days.to }));
+        }
+        out
+    }
+
+    fn check_finer(&self) -> Result<(), Error> {
         let mut end = self.hours.from;
         for range in &self.finer {
             range.check()?;
@@ -210,11 +225,12 @@ impl TimeSpec {
             }
             end = range.to;
         }
-        self.irradiance.check()?;
-        if self.half_year && self.days.to > 182 {
-            return Err(Error::HalfYear { from: self.days.from, to: self.days.to });
-        }
         Ok(())
+    }
+
+    /// Checks everything that doesn't need the sun.
+    pub(super) fn check(&self) -> Result<(), Error> {
+        self.mistakes().into_iter().next().map_or(Ok(()), Err)
     }
 }
 

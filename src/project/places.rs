@@ -256,13 +256,28 @@ pub(super) enum Struck {
     Element,
 }
 
-/// Takes what stands at a place out of a table; `None` where nothing does.
-pub(super) fn strike(table: &mut DeTable<'_>, span: &Range<usize>) -> Option<Struck> {
-    fn inner(table: &mut DeTable<'_>, steps: &[Step]) -> Option<Struck> {
+/// Takes what stands at a place out of a table, or puts a stand-in there; `None` where nothing
+/// stands.
+pub(super) fn strike(
+    table: &mut DeTable<'_>,
+    span: &Range<usize>,
+    stand_in: Option<&'static str>,
+) -> Option<Struck> {
+    fn inner(
+        table: &mut DeTable<'_>,
+        steps: &[Step],
+        stand_in: Option<&'static str>,
+    ) -> Option<Struck> {
         let [Step::Name(name), rest @ ..] = steps else { return None };
         let value = table.get_mut(name.as_str())?.get_mut();
         match (rest, value) {
-            ([], _) => table.remove(name.as_str()).map(|_| Struck::Value),
+            ([], value) => match stand_in.and_then(|text| DeValue::parse(text).ok()) {
+                Some(other) => {
+                    *value = other.into_inner();
+                    Some(Struck::Value)
+                }
+                None => table.remove(name.as_str()).map(|_| Struck::Value),
+            },
             ([Step::Item(number)], DeValue::Array(list)) => {
                 let all = std::mem::replace(list, DeArray::new()).into_iter().enumerate();
                 *list = all.filter(|(i, _)| i != number).map(|(_, item)| item).collect();
@@ -270,14 +285,14 @@ pub(super) fn strike(table: &mut DeTable<'_>, span: &Range<usize>) -> Option<Str
             }
             ([Step::Item(number), rest @ ..], DeValue::Array(list)) => {
                 match list.get_mut(*number)?.get_mut() {
-                    DeValue::Table(table) => inner(table, rest),
+                    DeValue::Table(table) => inner(table, rest, stand_in),
                     _ => None,
                 }
             }
-            (_, DeValue::Table(table)) => inner(table, rest),
+            (_, DeValue::Table(table)) => inner(table, rest, stand_in),
             _ => None,
         }
     }
     let steps = find(table, span)?;
-    inner(table, &steps)
+    inner(table, &steps, stand_in)
 }

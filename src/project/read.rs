@@ -20,8 +20,10 @@ use crate::base::limits::MAX_FINDINGS_SHOWN;
 pub(super) struct Read {
     pub places: Places,
     pub project: Project,
-    /// What is wrong with the text; the tables are without it.
+    /// What is wrong with the text.
     pub mistakes: Vec<Mistake>,
+    /// Its keys: the tables are without them, or have stand-ins.
+    pub struck: Vec<Key>,
 }
 
 /// Reads a project. `path` is its folder or its `project.toml`; `set` overrides single keys.
@@ -44,7 +46,7 @@ pub(super) fn read(path: &Path, set: &[Assignment]) -> Result<Read, Error> {
     let mut whole = true;
     loop {
         let error = match Project::deserialize(Deserializer::from(tree.clone())) {
-            Ok(project) if whole => return Ok(Read { places, project, mistakes }),
+            Ok(project) if whole => return Ok(Read { places, project, mistakes, struck }),
             Ok(_) => break,
             Err(error) => error,
         };
@@ -56,9 +58,11 @@ pub(super) fn read(path: &Path, set: &[Assignment]) -> Result<Read, Error> {
             Some(name) => mistakes.push(places.mistake(&key, &format!("`{name}` is missing"))),
             None => mistakes.push(places.mistake(&key, &words(error.message()))),
         }
+        // What has to be there is stood in for, once.
+        let stand_in = stand_in(error.message()).filter(|_| !struck.contains(&key));
         struck.push(key);
         // Others may name what stood in a list: what they say is not to be trusted any more.
-        match strike(tree.get_mut(), &span) {
+        match strike(tree.get_mut(), &span, stand_in) {
             Some(Struck::Value) if mistakes.len() < MAX_FINDINGS_SHOWN => {}
             Some(Struck::Element) if mistakes.len() < MAX_FINDINGS_SHOWN => whole = false,
             _ => break,
@@ -78,6 +82,16 @@ fn refuse_what_is_no_toml(file: &Path, text: &str) -> Result<(), Error> {
         Mistake { place: Some(place), message: e.message().to_owned() }
     };
     Err(Mistakes { path: file.to_owned(), list: errors.iter().map(mistake).collect() }.into())
+}
+
+/// A value of the type that serde expects.
+fn stand_in(message: &str) -> Option<&'static str> {
+    match message.strip_prefix("invalid type: ")?.rsplit_once(", expected ")?.1 {
+        "f64" | "f32" => Some("1.0"),
+        "usize" | "u32" | "u64" | "i32" => Some("1"),
+        "a string" => Some("\"x\""),
+        _ => None,
+    }
 }
 
 /// The key that serde misses.

@@ -31,6 +31,7 @@ use crate::sky::{self, DayRange, FarHorizon, HourRange, Irradiance, Place, TimeS
 pub(super) struct Reader<'a> {
     pub places: &'a Places,
     pub project: &'a Project,
+    struck: &'a [Key],
     mistakes: RefCell<Vec<Mistake>>,
     /// What is no mistake of the project: a disk that fails.
     failed: RefCell<Option<Error>>,
@@ -38,16 +39,16 @@ pub(super) struct Reader<'a> {
 
 impl<'a> Reader<'a> {
     pub fn new(read: &'a Read) -> Self {
-        let Read { places, project, mistakes } = read;
+        let Read { places, project, mistakes, struck } = read;
         let mistakes = RefCell::new(mistakes.clone());
-        Self { places, project, mistakes, failed: RefCell::new(None) }
+        Self { places, project, struck, mistakes, failed: RefCell::new(None) }
     }
 
     /// Notes a mistake.
     pub fn wrong(&self, key: &Key, what: impl AsRef<str>) {
+        // Of what couldn't be read, its stand-in is no mistake.
         let mistake = self.places.mistake(key, what.as_ref());
-        // What serde found at a place isn't found again.
-        if !self.mistakes.borrow().contains(&mistake) {
+        if !self.struck.contains(key) && !self.mistakes.borrow().contains(&mistake) {
             self.mistakes.borrow_mut().push(mistake);
         }
     }

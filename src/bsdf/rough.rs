@@ -6,9 +6,9 @@ use std::f64::consts::PI;
 use glam::DVec3;
 
 use super::Cone;
-use super::chart::Square;
 use super::ggx::Ggx;
 use super::interface::Interface;
+use super::square::Square;
 
 /// Directions that facets of a cone reflect light from another one into. Turning a facet turns
 /// the reflection by twice the angle at most; turning the incident direction, by as much.

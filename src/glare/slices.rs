@@ -1,20 +1,8 @@
-use std::error::Error as StdError;
 use std::ops::Range;
 
-use crate::base::FaultKind;
-use crate::base::limits::TILE_EDGE;
-use crate::volume::{self, Volume};
-
-/// Why a volume's slices could not be read.
-#[derive(Debug, thiserror::Error)]
-#[error("the volume can't be read")]
-pub struct ReadFailure {
-    /// What it means for the process.
-    pub kind: FaultKind,
-    /// The volume's own error.
-    #[source]
-    pub source: Box<dyn StdError + Send + Sync>,
-}
+use super::error::{Error, ReadFailure};
+use crate::base::limits::{MAX_TIMESTEPS, MAX_VIEW_PIXELS};
+use crate::volume::Volume;
 
 /// What a volume knows of its timesteps' place in the year.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -32,10 +20,10 @@ pub trait Slices: Sync {
     fn shape(&self) -> [usize; 3];
 
     /// Fills `out`, `[timestep, row, column]`, with the picked `rows` of the slices of `range`.
-    /// Rows begin at a multiple of [`TILE_EDGE`] and end at one, or at the bottom.
+    /// Rows begin at a multiple of 32 and end at one, or at the bottom.
     ///
     /// The room may have been used before. `lit` has an entry for each slice and each tile of
-    /// [`TILE_EDGE`] x [`TILE_EDGE`] pixels of those rows, `[slice, tile row, tile column]`: on
+    /// 32 x 32 pixels of those rows, `[slice, tile row, tile column]`: on
     /// entry `false` says that `out` is all +0 there, on return that the volume is. A volume that
     /// can't tell says `true` everywhere.
     ///
@@ -49,22 +37,6 @@ pub trait Slices: Sync {
         lit: &mut [bool],
     ) -> Result<(), ReadFailure>;
 
-    /// [`Self::read_lit`] for those who fill the room for the first time.
-    ///
-    /// # Errors
-    /// Whatever keeps the volume from being read.
-    fn read(
-        &self,
-        range: Range<usize>,
-        rows: Range<usize>,
-        out: &mut [f32],
-    ) -> Result<(), ReadFailure> {
-        let [_, _, columns] = self.shape();
-        let tiles = rows.len().div_ceil(TILE_EDGE) * columns.div_ceil(TILE_EDGE);
-        let mut lit = vec![true; range.len() * tiles];
-        self.read_lit(range, rows, out, &mut lit)
-    }
-
     /// How many timesteps are best read at once, beginning at a multiple of that number.
     fn chunk_timesteps(&self) -> usize {
         1
@@ -76,10 +48,13 @@ pub trait Slices: Sync {
     }
 }
 
-impl From<volume::Error> for ReadFailure {
-    fn from(source: volume::Error) -> Self {
-        Self { kind: source.kind(), source: Box::new(source) }
-    }
+/// A shape that numbers of the analysis can count.
+pub(super) fn checked(shape: [usize; 3]) -> Result<[usize; 3], Error> {
+    let [timesteps, rows, columns] = shape;
+    let pixels = rows.checked_mul(columns);
+    let fits = pixels.is_some_and(|p| (1..=MAX_VIEW_PIXELS).contains(&p))
+        && (1..=MAX_TIMESTEPS).contains(&timesteps);
+    if fits { Ok(shape) } else { Err(Error::Shape(timesteps, rows, columns)) }
 }
 
 impl Slices for Volume {

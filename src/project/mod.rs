@@ -7,7 +7,9 @@
 mod create;
 mod error;
 mod folder;
+pub mod keys;
 mod manifest;
+mod places;
 mod read;
 mod reader;
 mod resolve;
@@ -15,16 +17,20 @@ mod set;
 mod shard;
 mod tables;
 mod view_tables;
+mod views;
+mod words;
 
 pub use create::{Demo, NewScene, PLAN_FILE, Quality, SiteAt, create, demo};
 pub use error::Error;
 pub use folder::Folder;
-pub use manifest::{Manifest, Unit, hash_path, key_of};
-pub use resolve::{
-    Camera, Candidate, DRAFT_BELOW_PHOTONS, MOMENTS, Made, PlannedMoment, PlannedView, Points,
-    RECEIVERS, Resolved,
-};
+pub use manifest::{Manifest, hash_path};
+pub use places::{Key, Mistake, Mistakes, Place};
+pub use resolve::{Camera, Candidate, DRAFT_BELOW_PHOTONS, MOMENTS, Made, PlannedMoment, Resolved};
 pub use set::Assignment;
 pub use shard::Shard;
 pub use tables::{MaterialTable, Project, SiteTable};
 pub use view_tables::{Ids, MomentTable, ObserverTable, RegionTable, ViewTable};
+pub use views::{
+    Estimator, PhotonGather, Picture, PlannedView, Points, RECEIVERS, SeriesKept, Sight, Target,
+};
+pub use words::WordOr;

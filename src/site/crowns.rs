@@ -1,3 +1,12 @@
+//! Trees that let light through in some months.
+//!
+//! A crown is modelled as a hull or as some thousand leaves; neither says how much light passes.
+//! The user states a transmittance by month for a whole crown, so a ray is weakened once for each
+//! crown that it meets, however often it meets its surfaces. That needs all hits along a ray, which
+//! the hierarchy doesn't give: leaves have a hierarchy of their own, and a ray is followed through
+//! it from hit to hit. Everything opaque has another one, so that scenes without crowns pay
+//! nothing.
+
 use std::collections::BTreeMap;
 
 use glam::Vec3;
@@ -14,8 +23,8 @@ pub struct Season {
 }
 
 /// Crowns that let light through by season. A crown is what objects of one name have of a season's
-/// material: a ray that meets any of its surfaces is weakened once, however many it meets. Trunks, and all
-/// that isn't named, are opaque. Rays start and end off surfaces by more than 0.1 mm.
+/// material: a ray that meets any of its surfaces is weakened once, however many it meets. Trunks,
+/// and all that isn't named, are opaque. Rays start and end off surfaces by more than 0.1 mm.
 #[derive(Debug)]
 pub struct Crowns {
     /// All that is opaque.

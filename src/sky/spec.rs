@@ -1,3 +1,5 @@
+//! Which instants a project asks for, by which sun, and how strong it is.
+
 use std::str::FromStr;
 
 use super::{DayRange, Error, HourRange};
@@ -14,22 +16,8 @@ pub(super) struct Instant {
     pub length_h: f64,
 }
 
-/// Where the site lies on Earth.
-#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
-pub struct Place {
-    /// Degrees north.
-    pub latitude_deg: f64,
-    /// Degrees **east** (gensky counts west).
-    pub longitude_deg: f64,
-    /// Meridian of the zone's standard time, degrees **east**: local standard time is
-    /// UTC + meridian / 15.
-    pub meridian_deg: f64,
-    /// Above the sea, m. The clear sky depends on it.
-    pub elevation_m: f64,
-}
-
 /// Which formulas say where the sun stands.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 pub enum SunModel {
     /// Radiance's gensky as of 2018, as the paper used it.
     #[serde(rename = "gensky-2018")]
@@ -53,10 +41,10 @@ impl SunModel {
     }
 
     /// The strength that goes with it where none is asked for.
-    pub fn default_irradiance(self) -> Irradiance {
+    pub fn default_irradiance(self) -> SunStrength {
         match self {
-            Self::Gensky2018 | Self::Gensky => Irradiance::Gensky,
-            Self::Spa => Irradiance::ClearSky,
+            Self::Gensky2018 | Self::Gensky => SunStrength::Gensky,
+            Self::Spa => SunStrength::ClearSky,
         }
     }
 }
@@ -75,7 +63,7 @@ impl FromStr for SunModel {
 /// How strong the sun is.
 #[derive(Clone, Debug, PartialEq, serde::Serialize)]
 #[serde(rename_all = "kebab-case")]
-pub enum Irradiance {
+pub enum SunStrength {
     /// Radiance's visible watts, for comparison with the paper; a disc of 0.5 degrees.
     Gensky,
     /// Broadband, Ineichen and Perez 2002 with a Linke turbidity of 3.
@@ -108,30 +96,12 @@ pub struct TimeSpec {
     /// Where the sun stands.
     pub sun: SunModel,
     /// How strong it is.
-    pub irradiance: Irradiance,
+    pub irradiance: SunStrength,
     /// The paper's Equation (1): half a year stands for the year.
     pub half_year: bool,
 }
 
-impl Place {
-    /// Checks that the numbers can be a place.
-    pub(super) fn check(&self) -> Result<(), Error> {
-        let checks = [
-            ("latitude", self.latitude_deg, -90.0, 90.0, "-90 to 90 degrees north"),
-            ("longitude", self.longitude_deg, -180.0, 180.0, "-180 to 180 degrees east"),
-            ("meridian", self.meridian_deg, -180.0, 180.0, "-180 to 180 degrees east"),
-            ("elevation_m", self.elevation_m, -500.0, 9000.0, "-500 to 9000 m"),
-        ];
-        for (field, found, least, most, expected) in checks {
-            if !(least..=most).contains(&found) {
-                return Err(Error::Place { field, expected, found });
-            }
-        }
-        Ok(())
-    }
-}
-
-impl Irradiance {
+impl SunStrength {
     /// Checks that the numbers can be a sun's.
     pub(super) fn check(&self) -> Result<(), Error> {
         match self {
@@ -193,28 +163,42 @@ impl TimeSpec {
         (0..hours.len()).map(|i| Instant { hour: hours[i].0, length_h: length(i) }).collect()
     }
 
-    /// Checks everything that doesn't need the sun.
-    pub(super) fn check(&self) -> Result<(), Error> {
-        if !(1583..6000).contains(&self.year) {
-            return Err(Error::Year(self.year));
+    /// Everything that is wrong without asking the sun.
+    pub fn mistakes(&self) -> Vec<Error> {
+        let mut out = Vec::new();
+        let mut add = |checked: Result<(), Error>| out.extend(checked.err());
+        match (1583..6000).contains(&self.year) {
+            true => add(self.days.check(self.year)),
+            false => add(Err(Error::Year(self.year))),
         }
-        self.days.check(self.year)?;
-        self.hours.check()?;
+        add(self.hours.check());
+        add(self.check_finer());
+        add(self.irradiance.check());
+        if self.half_year && self.days.to > 182 {
+            add(Err(Error::HalfYear { from: self.days.from, to: self.days.to }));
+        }
+        out
+    }
+
+    fn check_finer(&self) -> Result<(), Error> {
         let mut end = self.hours.from;
         for range in &self.finer {
             range.check()?;
             let inside = range.from >= end - SLACK_H && range.to <= self.hours.to + SLACK_H;
             if !inside || range.step >= self.hours.step {
                 let HourRange { from, to, step } = *range;
-                return Err(Error::Finer { from, to, step, least: end, hours: self.hours });
+                let HourRange { from: first, to: last, step: usual } = self.hours;
+                let hours = format!("{first} to {last}, step {usual}");
+                return Err(Error::Finer { from, to, step, least: end, hours });
             }
             end = range.to;
         }
-        self.irradiance.check()?;
-        if self.half_year && self.days.to > 182 {
-            return Err(Error::HalfYear { from: self.days.from, to: self.days.to });
-        }
         Ok(())
+    }
+
+    /// Checks everything that doesn't need the sun.
+    pub(super) fn check(&self) -> Result<(), Error> {
+        self.mistakes().into_iter().next().map_or(Ok(()), Err)
     }
 }
 
@@ -229,7 +213,7 @@ mod tests {
             days: DayRange { from: 0, to: 364, step: 7 },
             hours: range(&[4.0, 20.0, 0.25]),
             sun: SunModel::Spa,
-            irradiance: Irradiance::ClearSky,
+            irradiance: SunStrength::ClearSky,
             half_year: false,
             finer: finer.iter().map(range).collect(),
         }

@@ -1,3 +1,9 @@
+//! A side of a PV surface as photons start from it, cut into pieces.
+//!
+//! A horizon for the whole of a long roof would be too careful: one end sees a wall that the other
+//! doesn't. So each side is cut into up to 128 pieces, each with a horizon of its own, and a set of
+//! pieces is one integer ([`Pieces`]).
+
 use glam::{DVec3, Vec3};
 
 use super::clip::Polygon;
@@ -56,8 +62,8 @@ pub(super) fn reach_m(site: &Site) -> f64 {
     f64::from(site.bounds.min.abs().max(site.bounds.max.abs()).max_element())
 }
 
-/// How far above its surface a photon starts, m: above all rounding of f32 positions and
-/// directions over the scene (one part in 16 million, some 30 times over), and a millimetre at least.
+/// How far above its surface a photon starts, m: above all rounding of f32 positions and directions
+/// over the scene (one part in 16 million, some 30 times over), and a millimetre at least.
 fn lift_m(site: &Site) -> f64 {
     (4e-6 * reach_m(site)).max(1e-3)
 }

@@ -13,6 +13,7 @@
 //! described in [`glintmap_formats::zarr`]; a volume may be an `.npy` file as well.
 
 mod axis;
+mod document;
 mod fault;
 mod layout;
 mod read;
@@ -24,7 +25,7 @@ mod write;
 
 pub use axis::{TimeAxis, read_segments, segments_from_numbers};
 pub use fault::Error;
-pub use layout::{CHUNK_TIMESTEPS, Quantity};
+pub use layout::CHUNK_TIMESTEPS;
 pub use read::Volume;
 pub use rounded::Rounded;
 pub use survey::Survey;

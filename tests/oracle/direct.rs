@@ -7,7 +7,7 @@ use std::process::{Command, Stdio};
 
 use glam::DVec3;
 use glintmap::base::Silent;
-use glintmap::bsdf::{Bsdf, Term};
+use glintmap::bsdf::Term;
 use glintmap::project::Resolved;
 use glintmap::render::{Direct, DirectScene, DirectScratch, DirectYear, PvSight};
 use glintmap::site::Site;

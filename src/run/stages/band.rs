@@ -122,7 +122,7 @@ pub(super) fn count(
     source: &dyn Slices,
     threshold_w_m2: f64,
 ) -> Result<Band, Error> {
-    let photon = if view.direct {
+    let photon = if view.is_direct() {
         // Without photons there is no noise.
         let [_, rows, columns] = source.shape();
         Grid::filled(columns, rows, 0.0)

@@ -1,42 +1,28 @@
 //! Maps and series of a view that is integrated directly.
 
 use std::path::{Path, PathBuf};
-use std::time::Instant;
 
 use glintmap_formats::npy;
 use serde_json::json;
 
 use super::fused;
-use super::render::{About, attributes, names, peak, write_peak, writer};
+use super::render::{attributes, names, peak, write_annual, write_peak, writer};
 use crate::base::{Grid, SinkError, TileRect, TileSink, limits, tiles};
-use crate::picture::{exr, hdr};
-use crate::project::Folder;
-use crate::project::{Candidate, PlannedView};
+use crate::project::{Candidate, Folder, PlannedView, SeriesKept};
 use crate::receivers::air::InAir;
 use crate::receivers::points::read_points;
-use crate::render::{
-    self, Direct, DirectScene, DirectSinks, FusedDirect, HitMap, PvSight, Quantity, TileYear,
-};
+use crate::render::{self, Direct, DirectScene, DirectSinks, FusedDirect, HitMap, TileYear};
 use crate::run::error::Error;
-use crate::run::job::{Job, Stage};
+use crate::run::job::{Job, Made};
+use crate::run::units::OfView;
 use crate::volume::{Rounded, TimeAxis};
 
-/// Integrates a view; `sight` is kept from one to the next. The sums of the year wait, tile by
-/// tile, beside the series until all tiles are there: so an interrupted run needs no tile twice.
-pub(super) fn maps(
-    job: &mut Job<'_>,
-    candidate: &Candidate,
-    view: &PlannedView,
-    sight: &mut Option<PvSight>,
-) -> Result<(), Error> {
-    let key = job.resolved.render_key(candidate, view)?;
-    let unit = format!("render {} {}", candidate.name, view.name);
-    if !job.needs(Stage::Render, &unit, &key) {
-        return Ok(());
-    }
-    let began = Instant::now();
+/// Integrates a view. The sums of the year wait, tile by tile, beside the series until all tiles
+/// are there: so an interrupted run needs no tile twice.
+pub(in crate::run) fn integrate(job: &Job<'_>, of: OfView<'_>, key: &str) -> Result<Made, Error> {
+    let OfView { candidate, view } = of;
     let mut hits = job.folder.read_hits(&view.name)?;
-    if view.points.is_some() {
+    if view.points().is_some() {
         // What is integrated needs no surface to land on.
         if let Some(air) = InAir::of(&read_points(&job.folder, view)?, view) {
             hits = air.lifted(hits);
@@ -45,12 +31,7 @@ pub(super) fn maps(
     let waiting = job.folder.waiting_tiles(&candidate.name, &view.name);
     let folder = job.folder.prepare(&waiting.join("tile"))?;
     let folder = folder.parent().unwrap_or(Path::new("")).to_owned();
-    let quantity = job.resolved.quantity;
-    if sight.is_none() {
-        *sight = Some(sees(job)?);
-    }
-    let Some(sight) = sight else { return Ok(()) };
-    let direct = Direct::new(scene(job, candidate)?, sight)?;
+    let direct = Direct::new(scene(job, candidate)?, job.sight()?)?;
     let keep = |tile: TileRect, year: &TileYear| {
         let all = [&year.surface_wh_m2, &year.normal_wh_m2, &year.error_wh_m2];
         let values: Vec<f32> = all.into_iter().flatten().copied().collect();
@@ -58,26 +39,21 @@ pub(super) fn maps(
         npy::write(&path, &[all.len(), tile.rows, tile.columns], &values)
             .map_err(|e| SinkError::Io(std::io::Error::other(e)))
     };
-    let about = [("material", candidate.name.as_str()), ("view", view.name.as_str())];
-    let about = (key.as_str(), &about[..]);
-    let mut outputs = Vec::new();
-    let facts = if view.fuse {
+    let mut made = Made::default();
+    if view.is_fused() {
         let axis = TimeAxis::from(job.timeline()?);
         let thresholds = &job.resolved.project.glare.thresholds_w_m2;
-        let made = analyse(job, &axis, view, (&direct, &hits), thresholds, &keep)?;
+        let analysed = analyse(job, &axis, view, (&direct, &hits), thresholds, &keep)?;
         job.progress.finish();
-        let fused::Made { rendered, peak, analyses, batches } = made;
-        let told = rendered.summary;
-        outputs.push(write_peak(job, candidate, view, about, quantity, &peak)?);
-        fused::record(job, candidate, view, &axis, analyses, began)?;
-        json!({ "integrated": told, "batches": batches })
+        let fused::Made { rendered, peak, analyses, batches } = analysed;
+        made.facts = json!({ "integrated": rendered.summary, "batches": batches });
+        made.outputs.push(write_peak(job, of, key, job.resolved.quantity, &peak)?);
+        made.others = fused::keep_all(job, of, &axis, analyses)?;
     } else {
-        let from = (&direct, &hits);
-        written(job, candidate, view, from, (about, quantity), &keep, &mut outputs)?
-    };
-    outputs.extend(annual(job, &folder, &hits, candidate, view, &key)?);
-    job.remove(&waiting)?;
-    job.done(&unit, &key, &outputs, began, facts)
+        made.facts = written(job, of, (&direct, &hits), key, &keep, &mut made.outputs)?;
+    }
+    made.outputs.extend(annual(job, of, &folder, &hits, key)?);
+    Ok(made)
 }
 
 /// Takes a tile's sums over the year.
@@ -86,19 +62,17 @@ type Keep<'a> = &'a (dyn Fn(TileRect, &TileYear) -> Result<(), SinkError> + Sync
 /// Writes the series, and the peaks; what is to be told of it.
 fn written(
     job: &Job<'_>,
-    candidate: &Candidate,
-    view: &PlannedView,
+    of: OfView<'_>,
     (direct, hits): (&Direct<'_>, &HitMap),
-    (about, quantity): (About<'_>, Quantity),
+    key: &str,
     keep: Keep<'_>,
     outputs: &mut Vec<PathBuf>,
 ) -> Result<serde_json::Value, Error> {
-    let other = match quantity {
-        Quantity::Surface => Quantity::Normal,
-        Quantity::Normal => Quantity::Surface,
-    };
-    let writer_of = |quantity| writer(job, candidate, view, (about.0, quantity), hits);
-    let other = view.both.then(|| Ok::<_, Error>((other, writer_of(other)?))).transpose()?;
+    let view = of.view;
+    let quantity = job.resolved.quantity;
+    let writer_of = |quantity| writer(job, of, (key, quantity), hits);
+    let other = (view.series == SeriesKept::Both).then(|| quantity.other());
+    let other = other.map(|other| Ok::<_, Error>((other, writer_of(other)?))).transpose()?;
     let writer = writer_of(quantity)?;
     let rounded = |writer| Rounded::new(writer, view.mantissa_bits);
     let series = rounded(&writer);
@@ -111,13 +85,13 @@ fn written(
     let told = render::direct_series(direct, hits, sinks, job.progress)?;
     job.progress.finish();
     let written = writer.finish()?;
-    let series = |quantity| job.folder.map(&candidate.name, &view.name, names(job, quantity).0);
+    let series = |quantity| job.folder.map(&of.candidate.name, &view.name, names(job, quantity).0);
     outputs.push(series(quantity));
-    outputs.push(peak(job, candidate, view, about, quantity)?);
+    outputs.push(peak(job, of, key, quantity)?);
     if let Some((quantity, writer)) = other {
         writer.finish()?;
         outputs.push(series(quantity));
-        outputs.push(peak(job, candidate, view, about, quantity)?);
+        outputs.push(peak(job, of, key, quantity)?);
     }
     Ok(json!({ "series": written, "integrated": told }))
 }
@@ -131,12 +105,6 @@ fn scene<'a>(job: &'a Job<'_>, candidate: &'a Candidate) -> Result<DirectScene<'
         max_path_m: job.resolved.trace.max_path_m,
         sun_visibility: job.resolved.trace.sun_visibility,
     })
-}
-
-/// What the PV sees of the suns.
-fn sees(job: &Job<'_>) -> Result<PvSight, Error> {
-    let free = job.resolved.trace.sun_visibility;
-    Ok(PvSight::new(job.site()?, job.timeline()?, free, job.progress)?)
 }
 
 fn analyse<'a, 'd>(
@@ -157,22 +125,20 @@ fn analyse<'a, 'd>(
 pub(super) fn fused<'a>(
     job: &Job<'_>,
     axis: &'a TimeAxis,
-    candidate: &Candidate,
-    view: &PlannedView,
+    of: OfView<'_>,
     thresholds: &[f64],
 ) -> Result<Vec<fused::Analysed<'a>>, Error> {
-    let (hits, sight) = (job.folder.read_hits(&view.name)?, sees(job)?);
-    let direct = Direct::new(scene(job, candidate)?, &sight)?;
-    Ok(analyse(job, axis, view, (&direct, &hits), thresholds, &|_, _| Ok(()))?.analyses)
+    let hits = job.folder.read_hits(&of.view.name)?;
+    let direct = Direct::new(scene(job, of.candidate)?, job.sight()?)?;
+    Ok(analyse(job, axis, of.view, (&direct, &hits), thresholds, &|_, _| Ok(()))?.analyses)
 }
 
 /// The year's maps from the tiles that wait.
 fn annual(
     job: &Job<'_>,
+    of: OfView<'_>,
     folder: &Path,
     hits: &HitMap,
-    candidate: &Candidate,
-    view: &PlannedView,
     key: &str,
 ) -> Result<Vec<PathBuf>, Error> {
     let (columns, rows) = (hits.columns, hits.rows);
@@ -188,22 +154,9 @@ fn annual(
             }
         }
     }
-    let about = [("material", candidate.name.as_str()), ("view", view.name.as_str())];
-    let name = |file: &str| job.folder.map(&candidate.name, &view.name, file);
     let [surface, normal, error] = &maps;
-    exr::write(
-        &job.folder.prepare(&name("annual.exr"))?,
-        &[("annual.wh_m2", surface), ("annual_normal.wh_m2", normal), ("error.wh_m2", error)],
-        &attributes(job, key, &about),
-    )?;
-    let mut lines = vec![
-        format!("SOFTWARE= {}", crate::base::Provenance::PROGRAM),
-        "annual radiant exposure, Wh/m2".to_owned(),
-    ];
-    if view.points.is_none() {
-        lines.push(view.view.to_view_line());
-    }
-    hdr::write(&job.folder.at(&name("annual.hdr")), &surface.map(|v| [*v; 3]), &lines)?;
-    npy::write(&job.folder.at(&name("annual.npy")), &[rows, columns], surface.data())?;
-    Ok(vec![name("annual.exr"), name("annual.hdr"), name("annual.npy")])
+    let channels =
+        [("annual.wh_m2", surface), ("annual_normal.wh_m2", normal), ("error.wh_m2", error)];
+    let attributes = attributes(job, key, &of.view.about(&of.candidate.name));
+    write_annual(job, of, surface, &channels, &attributes)
 }

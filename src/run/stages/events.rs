@@ -10,7 +10,7 @@ use glintmap_formats::seal;
 use rayon::prelude::*;
 use serde_json::json;
 
-use super::glare::Made;
+use super::glare::Kept;
 use super::receivers::sheet::quoted;
 use super::render::telling_store;
 use crate::glare::{self, Event, Events, Regular};
@@ -38,9 +38,9 @@ pub(super) fn write(
     candidate: &Candidate,
     view: &PlannedView,
     threshold: f64,
-    made: &Made<'_>,
+    made: &Kept<'_>,
 ) -> Result<Vec<PathBuf>, Error> {
-    let Made { analysis, axis, grid, .. } = *made;
+    let Kept { analysis, axis, grid, .. } = *made;
     let name = |file: &str| job.folder.glare(&candidate.name, &view.name, threshold, file);
     let hits = job.folder.read_hits(&view.name)?;
     let senders = match telling_store(job, candidate)? {
@@ -126,8 +126,9 @@ fn senders_of_block(
         by_pixel.entry(pixel).or_default().push(i);
     }
     let asked: Vec<(usize, Vec<usize>)> = by_pixel.into_iter().collect();
-    let count = view.series_bandwidth.unwrap_or(ASKED_PHOTONS).min(ASKED_PHOTONS);
-    let max_radius_m = view.annual.max_radius_m.unwrap_or_else(|| store.max_radius_m(count));
+    let gather = view.photons().copied().unwrap_or_default();
+    let count = gather.series_bandwidth.unwrap_or(ASKED_PHOTONS).min(ASKED_PHOTONS);
+    let max_radius_m = gather.annual.max_radius_m.unwrap_or_else(|| store.max_radius_m(count));
     let found: Vec<Vec<(usize, (u16, f32))>> = asked
         .par_iter()
         .map_init(Neighbours::default, |near, (pixel, list)| {

@@ -2,7 +2,6 @@
 
 use std::fmt::Write as _;
 use std::path::PathBuf;
-use std::time::Instant;
 
 use glintmap_formats::seal;
 use serde_json::json;
@@ -10,7 +9,7 @@ use serde_json::json;
 use super::judged::class;
 use super::receivers::sheet::quoted;
 use super::receivers::{OUTDOOR_H, occurrence};
-use crate::base::{Provenance, SpectralBasis};
+use crate::base::{Irradiance, Provenance, SpectralBasis};
 use crate::glare::{Kernel, Lengths};
 use crate::picture::scatter::{Dots, LogAxis, Scatter, Zone};
 use crate::project::{Candidate, RECEIVERS};
@@ -19,25 +18,16 @@ use crate::receivers::eyes::{
     EyeYear, EyeYears, Looker, Measure, Thresholds, azimuth_altitude_deg, instants, sights, zone_of,
 };
 use crate::receivers::points::Spreader;
-use crate::render::Quantity;
 use crate::render::eye::hazard::{HazardZone, after_image_w_cm2, burn_w_cm2};
 use crate::render::eye::{Eye, EyeInstant, EyeMaterial, EyePv};
 use crate::rules::Class;
 use crate::run::error::Error;
-use crate::run::job::{Job, Stage};
+use crate::run::job::{Job, Made};
 use crate::volume::TimeAxis;
 
-/// The name of the unit.
-pub(in crate::run) const UNIT: &str = "glare observers";
-
 /// Looks through the eyes of all observers.
-pub(in crate::run) fn eyes(job: &mut Job<'_>) -> Result<(), Error> {
+pub(in crate::run) fn eyes(job: &Job<'_>) -> Result<Made, Error> {
     let resolved = job.resolved;
-    let Some(key) = resolved.eyes_key()? else { return Ok(()) };
-    if !job.needs(Stage::Glare, UNIT, &key) {
-        return Ok(());
-    }
-    let began = Instant::now();
     let timeline = job.timeline()?;
     let axis = TimeAxis::from(timeline);
     let site = job.site()?;
@@ -49,7 +39,7 @@ pub(in crate::run) fn eyes(job: &mut Job<'_>) -> Result<(), Error> {
     let thresholds = Thresholds {
         filter: &filter,
         irradiances_w_m2: &resolved.project.glare.thresholds_w_m2,
-        normal: resolved.quantity == Quantity::Normal,
+        normal: resolved.quantity == Irradiance::FacingBeam,
     };
     let pv = EyePv::new(site);
     let lookers = lookers(job, &axis, &clock)?;
@@ -82,7 +72,7 @@ pub(in crate::run) fn eyes(job: &mut Job<'_>) -> Result<(), Error> {
     for (candidate, sheets) in resolved.candidates.iter().zip(sheets) {
         outputs.extend(sheets.write(job, candidate)?);
     }
-    job.done(UNIT, &key, &outputs, began, json!({ "observers": lookers.len() }))
+    Ok(Made::new(outputs, json!({ "observers": lookers.len() })))
 }
 
 /// What the observers' eyes see of a material, from its file; nothing where nobody looks.

@@ -1,21 +1,22 @@
 //! Analysed as rendered: the year in batches of whole segments, no series on disk.
 
 use std::ops::Range;
-use std::time::Instant;
 
 use serde_json::json;
 
 use super::band::{Band, Counter, each_slice};
-use super::glare::{Made as Kept, keep, provenance};
+use super::glare::{Kept, keep, provenance};
 use crate::base::{Grid, Progress, SeriesEntry, SinkError, TileRect, TileSink, limits};
 use crate::glare::{
     self, Analysis, Calendar, Plan, Regular, Session, Slices, TileBatch, YearRows, YearTiles,
 };
-use crate::project::{Candidate, PlannedView};
+use crate::project::PlannedView;
 use crate::receivers::clock::Clock;
 use crate::render::{Fused, FusedDirect, HitMap};
+use crate::run;
 use crate::run::error::Error;
-use crate::run::job::Job;
+use crate::run::job::{Job, MadeToo};
+use crate::run::units::{OfView, Work};
 use crate::volume::{Rounded, TimeAxis, segments_from_numbers};
 
 /// Bytes of a batch for each number in it: in the batch, and while its tiles are put in order.
@@ -34,7 +35,7 @@ pub(super) trait Batches {
         timesteps: Range<u32>,
         sink: &dyn TileSink,
         progress: &dyn Progress,
-    ) -> Result<(), crate::render::Error>;
+    ) -> Result<(), Error>;
 }
 
 impl Batches for Fused<'_> {
@@ -51,8 +52,8 @@ impl Batches for Fused<'_> {
         timesteps: Range<u32>,
         sink: &dyn TileSink,
         progress: &dyn Progress,
-    ) -> Result<(), crate::render::Error> {
-        Fused::batch(self, timesteps, sink, progress)
+    ) -> Result<(), Error> {
+        Ok(Fused::batch(self, timesteps, sink, progress)?)
     }
 }
 
@@ -70,8 +71,8 @@ impl Batches for FusedDirect<'_> {
         timesteps: Range<u32>,
         sink: &dyn TileSink,
         progress: &dyn Progress,
-    ) -> Result<(), crate::render::Error> {
-        FusedDirect::batch(self, timesteps, sink, progress)
+    ) -> Result<(), Error> {
+        Ok(FusedDirect::batch(self, timesteps, sink, progress)?)
     }
 }
 
@@ -120,9 +121,9 @@ pub(super) fn analyse<'a, B: Batches>(
     let spill = job.folder.root();
     let mut years = Vec::new();
     let clock_h = Clock::new(&job.resolved.project.site, axis.year).hours(axis);
-    for &threshold in thresholds.iter().filter(|_| view.points.is_none()) {
-        let of = (axis, Some(&clock_h[..]));
-        years.push(YearTiles::new(of, [hits.rows, hits.columns], threshold, spill)?);
+    for &threshold in thresholds.iter().filter(|_| view.picture().is_some()) {
+        let size = [hits.rows, hits.columns];
+        years.push(YearTiles::new(axis, Some(&clock_h), size, threshold, spill)?);
     }
     let all = All(&years);
     let whole = Rounded::new(&all, view.mantissa_bits);
@@ -210,35 +211,37 @@ fn batches(segments: &[Range<usize>], entries: &[u64], most: u64) -> Vec<Range<u
 }
 
 /// Keeps the analyses, each a unit of the stage `glare`.
-pub(super) fn record(
-    job: &mut Job<'_>,
-    candidate: &Candidate,
-    view: &PlannedView,
+pub(super) fn keep_all(
+    job: &Job<'_>,
+    of: OfView<'_>,
     axis: &TimeAxis,
     analyses: Vec<Analysed<'_>>,
-    began: Instant,
-) -> Result<(), Error> {
+) -> Result<Vec<MadeToo>, Error> {
+    let OfView { candidate, view } = of;
     let dark = TileBatch::new([axis.day.len(), 1, 1], 0..0);
     let grid = Regular::of(&dark, axis, &segments_from_numbers(&axis.segment))?;
     let even = grid.as_ref().map(|grid| grid.axis(axis));
     let counted = even.as_ref().unwrap_or(axis);
+    let mut units = Vec::new();
     for Analysed { threshold, analysis, band, year } in analyses {
-        let key = job.resolved.glare_key(candidate, view, threshold)?;
-        let unit = format!("glare {} {} {threshold}", candidate.name, view.name);
+        let name = Work::Glare(of, threshold).name();
+        let Some(unit) = job.plan.iter().find(|unit| unit.name == name) else { continue };
+        let about = (threshold, unit.key.as_str());
         let made =
             Kept { analysis: &analysis, axis: Some(counted), grid: grid.as_ref(), band: &band };
-        let mut outputs = keep(job, candidate, view, (threshold, &key), &made)?;
+        let mut outputs = keep(job, candidate, view, about, &made)?;
         if let Some(year) = year {
             let folder = job.folder.glare(&candidate.name, &view.name, threshold, "");
-            let attributes = provenance(job, candidate, view, (threshold, &key));
+            let attributes = provenance(job, candidate, view, about);
             let size = [band.hours_h.rows(), band.hours_h.columns()];
             let make = |rows: YearRows<'_>| year.finish(rows);
             outputs.extend(super::year::write(job, &folder, (axis, size), make, &attributes)?);
         }
         let facts = json!({ "events": analysis.events.len(), "fused": true });
-        job.done(&unit, &key, &outputs, began, facts)?;
+        let (key, made) = (unit.key.clone(), run::job::Made::new(outputs, facts));
+        units.push(MadeToo { name, key, made });
     }
-    Ok(())
+    Ok(units)
 }
 
 #[cfg(test)]

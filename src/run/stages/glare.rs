@@ -1,5 +1,4 @@
 use std::path::PathBuf;
-use std::time::Instant;
 
 use serde_json::json;
 
@@ -12,54 +11,32 @@ use crate::picture::exr;
 use crate::project::{Candidate, PlannedView};
 use crate::receivers::clock::Clock;
 use crate::run::error::Error;
-use crate::run::job::{Job, Stage};
+use crate::run::job::{Job, Made};
+use crate::run::units::OfView;
 use crate::volume::{TimeAxis, Volume};
 
-/// Analyses each candidate's series in each view, at each threshold.
-pub(in crate::run) fn glare(job: &mut Job<'_>) -> Result<(), Error> {
-    let resolved = job.resolved;
-    for candidate in &resolved.candidates {
-        for view in resolved.with_sensors() {
-            for &threshold in &resolved.project.glare.thresholds_w_m2 {
-                let key = resolved.glare_key(candidate, view, threshold)?;
-                let unit = format!("glare {} {} {threshold}", candidate.name, view.name);
-                if job.summary.made.contains(&unit) {
-                    // A fused view: analysed as rendered, just now.
-                    continue;
-                }
-                if job.needs(Stage::Glare, &unit, &key) {
-                    one(job, candidate, view, threshold, &unit, &key)?;
-                }
-            }
-        }
-    }
-    super::receivers::received(job)?;
-    super::eyes::eyes(job)
-}
-
-fn one(
-    job: &mut Job<'_>,
-    candidate: &Candidate,
-    view: &PlannedView,
+/// Analyses a candidate's series in a view at a threshold.
+pub(in crate::run) fn glare(
+    job: &Job<'_>,
+    of: OfView<'_>,
     threshold: f64,
-    unit: &str,
     key: &str,
-) -> Result<(), Error> {
-    let began = Instant::now();
-    if view.fuse {
+) -> Result<Made, Error> {
+    let OfView { candidate, view } = of;
+    if view.is_fused() {
         // Rendered before, but not analysed at this threshold.
         let axis = TimeAxis::from(job.timeline()?);
-        let analyses = if view.direct {
-            direct::fused(job, &axis, candidate, view, &[threshold])?
-        } else {
-            render::fused(job, &axis, candidate, view, &[threshold])?
+        let analyses = match view.photons() {
+            None => direct::fused(job, &axis, of, &[threshold])?,
+            Some(gather) => render::fused(job, &axis, of, gather, &[threshold])?,
         };
-        return fused::record(job, candidate, view, &axis, analyses, began);
+        let made = fused::keep_all(job, of, &axis, analyses)?;
+        return Ok(made.into_iter().next().map(|unit| unit.made).unwrap_or_default());
     }
     let volume = Volume::open(&job.folder.at(&job.folder.series(&candidate.name, &view.name)))?;
     let spill = job.folder.root().to_owned();
     let mut settings = glare::Settings { threshold, spill, ..job.resolved.glare.clone() };
-    if view.points.is_some() {
+    if view.points().is_some() {
         // Points that follow each other in a list needn't be neighbours.
         settings.sigma[1..].fill(0.0);
     }
@@ -78,14 +55,14 @@ fn one(
         segments = grid.segments().to_vec();
     }
     let mut analysis = glare::analyse(source, &segments, &settings, None, job.progress)?;
-    if view.points.is_some() {
+    if view.points().is_some() {
         analysis.sustained.clone_from(&analysis.longest_run);
     }
     job.progress.finish();
     let band = band::count(job, candidate, view, &volume, threshold)?;
-    let made = Made { analysis: &analysis, axis, grid: grid.as_ref(), band: &band };
+    let made = Kept { analysis: &analysis, axis, grid: grid.as_ref(), band: &band };
     let mut outputs = keep(job, candidate, view, (threshold, key), &made)?;
-    if let Some(axis) = volume.axis().filter(|_| view.points.is_none()) {
+    if let Some(axis) = volume.axis().filter(|_| view.points().is_none()) {
         let folder = job.folder.glare(&candidate.name, &view.name, threshold, "");
         let attributes = provenance(job, candidate, view, (threshold, key));
         let [_, rows, columns] = volume.shape();
@@ -97,11 +74,11 @@ fn one(
         outputs.extend(super::year::write(job, &folder, of, make, &attributes)?);
     }
     let facts = json!({ "events": analysis.events.len(), "timesteps": steps });
-    job.done(unit, key, &outputs, began, facts)
+    Ok(Made::new(outputs, facts))
 }
 
 /// What an analysis gives.
-pub(super) struct Made<'a> {
+pub(super) struct Kept<'a> {
     pub analysis: &'a Analysis,
     /// Of the timesteps that it counts.
     pub axis: Option<&'a TimeAxis>,
@@ -116,9 +93,9 @@ pub(super) fn keep(
     candidate: &Candidate,
     view: &PlannedView,
     (threshold, key): (f64, &str),
-    made: &Made<'_>,
+    made: &Kept<'_>,
 ) -> Result<Vec<PathBuf>, Error> {
-    let Made { analysis, axis, band, .. } = *made;
+    let Kept { analysis, axis, band, .. } = *made;
     let name = |file: &str| job.folder.glare(&candidate.name, &view.name, threshold, file);
     let step_h = axis.map_or(job.timeline()?.step_h, |axis| axis.step_h);
     let attributes = provenance(job, candidate, view, (threshold, key));
@@ -131,7 +108,7 @@ pub(super) fn keep(
         exr::write(&job.folder.at(&exr_name), &[(channel.as_str(), &hours)], &attributes)?;
         outputs.extend([name(&format!("{map}.npy")), exr_name]);
     }
-    if view.points.is_none() {
+    if view.points().is_none() {
         outputs.extend(super::events::write(job, candidate, view, threshold, made)?);
     }
     outputs.push(band::write(job, candidate, view, (threshold, &attributes), band)?);
@@ -149,7 +126,7 @@ pub(super) fn provenance(
         ("material", candidate.name.as_str()),
         ("view", view.name.as_str()),
         ("threshold_w_m2", &threshold.to_string()),
-        ("quantity", job.resolved.project.glare.quantity.as_str()),
+        ("quantity", job.resolved.quantity.name()),
     ];
     attributes(job, key, &about)
 }

@@ -120,8 +120,8 @@ fn metrics(job: &Job<'_>, group: &GroupReceived, eye: Option<&EyeYear>, pv_m2: f
     if let (Some(eye), true) = (eye, group.not_evaluated.is_some()) {
         // Photons don't land on what sends them; the eye's irradiance is integrated there.
         let peak = match job.resolved.quantity {
-            crate::render::Quantity::Surface => eye.irradiance_w_m2,
-            crate::render::Quantity::Normal => eye.normal_w_m2,
+            crate::base::Irradiance::Surface => eye.irradiance_w_m2,
+            crate::base::Irradiance::FacingBeam => eye.normal_w_m2,
         };
         plain(&mut measured, Quantity::IrradianceWM2, peak.value);
         let thresholds = &job.resolved.project.glare.thresholds_w_m2;
@@ -132,7 +132,7 @@ fn metrics(job: &Job<'_>, group: &GroupReceived, eye: Option<&EyeYear>, pv_m2: f
         measured.extend(eye_times(eye, lowest, None, half_year));
     }
     if group.not_evaluated.is_none() {
-        let exact = job.resolved.sensors.iter().any(|s| s.name == RECEIVERS && s.direct);
+        let exact = job.resolved.sensors.iter().any(|s| s.name == RECEIVERS && s.is_direct());
         plain(&mut measured, Quantity::IrradianceWM2, group.peak_w_m2);
         for at in &group.thresholds {
             measured.extend(times(at, Some(at.threshold_w_m2), half_year, exact));

@@ -1,5 +1,5 @@
-//! One file a stage. Each asks the manifest what is current, calls the rooms, and records what
-//! they left behind.
+//! What makes each unit of work: it is handed the unit, calls the rooms, and says what they left
+//! behind.
 
 mod band;
 mod direct;
@@ -21,15 +21,16 @@ mod suns;
 mod verdicts;
 mod year;
 
-pub(super) use eyes::UNIT as EYES_UNIT;
+pub(super) use direct::integrate;
+pub(super) use eyes::eyes;
 pub(super) use glare::glare;
 pub use judged::Judgement;
 pub(super) use judged::read as read_judgements;
-pub(super) use moments::UNIT as MOMENTS_UNIT;
-pub(super) use passing::SPILL as AIR_SPILL;
-pub(super) use photons::{Traced, pages, trace};
-pub(super) use pictures::{key as pictures_key, pictures};
-pub(super) use receivers::{check as check_receivers, received_unit};
-pub(super) use render::render;
-pub(super) use report::report;
+pub(super) use moments::luminances;
+pub(super) use passing::air;
+pub(super) use photons::{Traced, pages, share, trace};
+pub(super) use pictures::pictures;
+pub(super) use receivers::{check as check_receivers, place, received};
+pub(super) use render::{annual, background, hits, series};
+pub(super) use report::{report, verdicts};
 pub(super) use suns::suns;

@@ -8,7 +8,6 @@ mod regions;
 mod unfiltered;
 
 use std::path::PathBuf;
-use std::time::Instant;
 
 use rayon::prelude::*;
 use serde_json::json;
@@ -18,10 +17,9 @@ use super::render::attributes;
 use crate::base::{Grid, SpectralBasis};
 use crate::picture::scale::{self, Below};
 use crate::picture::{Figure, Rgb, Scale, compose, exr, tonemap};
-use crate::project::key_of;
-use crate::project::{Candidate, PlannedView, Resolved};
+use crate::project::{Candidate, PlannedView};
 use crate::run::error::Error;
-use crate::run::job::{Job, Stage};
+use crate::run::job::{Job, Made};
 
 /// Decades of the logarithmic scale of annual maps.
 const DECADES: f64 = 3.0;
@@ -46,27 +44,17 @@ struct Quantity {
     faint_wh_m2: Option<f64>,
 }
 
-/// Draws everything.
-pub(in crate::run) fn pictures(job: &mut Job<'_>) -> Result<(), Error> {
-    maps(job)?;
-    super::moments::moments(job)
-}
-
-fn maps(job: &mut Job<'_>) -> Result<(), Error> {
-    let key = key(job.resolved)?;
-    if !job.needs(Stage::Pictures, "pictures", &key) {
-        return Ok(());
-    }
-    let began = Instant::now();
+/// Draws every map and chart.
+pub(in crate::run) fn pictures(job: &Job<'_>, key: &str) -> Result<Made, Error> {
     let resolved = job.resolved;
     let mut outputs = Vec::new();
-    ratios(job, &key, &mut outputs)?;
+    ratios(job, key, &mut outputs)?;
     let quantities = quantities(job)?;
     let total = resolved.views.len() * resolved.candidates.len() * quantities.len();
     job.progress.begin("pictures", total as u64, "pictures");
-    for view in &resolved.views {
+    for (view, picture) in resolved.views.iter().filter_map(|v| Some((v, v.picture()?))) {
         let direct = read_rgb(job, view)?;
-        let marks = Marks::of(job, view)?;
+        let marks = Marks::of(job, view, picture)?;
         outputs.push(daylight(job, view, &direct)?);
         let tasks: Vec<(&Candidate, &Quantity)> = resolved
             .candidates
@@ -78,7 +66,7 @@ fn maps(job: &mut Job<'_>) -> Result<(), Error> {
             let exr_name =
                 job.folder.map(&candidate.name, &view.name, &format!("{}.exr", quantity.file));
             let noise = quantity.picture.is_some();
-            let there = job.folder.at(&exr_name).exists() && !(noise && view.direct);
+            let there = job.folder.at(&exr_name).exists() && !(noise && view.is_direct());
             let png =
                 there.then(|| draw(job, candidate, view, quantity, &direct, &marks)).transpose()?;
             job.progress.advance(1);
@@ -89,25 +77,7 @@ fn maps(job: &mut Job<'_>) -> Result<(), Error> {
     outputs.extend(occurrence::draw(job)?);
     job.progress.finish();
     let made = outputs.len();
-    job.done("pictures", &key, &outputs, began, json!({ "files": made }))
-}
-
-/// Everything that is drawn decides about the pictures, because they share their scales.
-pub(in crate::run) fn key(resolved: &Resolved) -> Result<String, Error> {
-    let mut parts = Vec::new();
-    for candidate in &resolved.candidates {
-        for view in &resolved.views {
-            for &threshold in &resolved.project.glare.thresholds_w_m2 {
-                parts.push(resolved.glare_key(candidate, view, threshold)?);
-            }
-            parts.push(resolved.render_key(candidate, view)?);
-        }
-        for set in &resolved.sensors {
-            parts.push(resolved.received_key(candidate, set)?);
-        }
-    }
-    let p = &resolved.project;
-    Ok(key_of("pictures", &(parts, &p.site, &p.observer, &p.region, &p.reference))?)
+    Ok(Made::new(outputs, json!({ "files": made })))
 }
 
 /// Writes each candidate's annual map divided by the reference's.

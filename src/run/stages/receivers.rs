@@ -3,8 +3,6 @@
 
 pub(in crate::run) mod sheet;
 
-use std::time::Instant;
-
 use glintmap_formats::seal;
 use serde_json::json;
 
@@ -21,7 +19,8 @@ use crate::receivers::received::{Reader, Received};
 use crate::render::sensors;
 use crate::rules::Class;
 use crate::run::error::Error;
-use crate::run::job::{Job, Stage};
+use crate::run::job::{Job, Made};
+use crate::run::units::OfView;
 use crate::volume::{TimeAxis, Volume};
 
 /// Clock times at which glare outdoors counts, h.
@@ -36,14 +35,12 @@ pub(in crate::run) fn check(job: &Job<'_>) -> Result<(), Error> {
 }
 
 /// Finds the points of a set in the scene: `hits.gmh` and `points.json`.
-pub(in crate::run) fn place(job: &mut Job<'_>, set: &PlannedView) -> Result<(), Error> {
-    let Some(from) = &set.points else { return Ok(()) };
-    let key = job.resolved.hits_key(set)?;
-    let unit = format!("hits {}", set.name);
-    if !job.needs(Stage::Render, &unit, &key) {
-        return Ok(());
-    }
-    let began = Instant::now();
+pub(in crate::run) fn place(
+    job: &Job<'_>,
+    set: &PlannedView,
+    from: &Points,
+    key: &str,
+) -> Result<Made, Error> {
     let trace = &job.resolved.trace;
     let spreader = Spreader { resolved: job.resolved, site: job.site()? };
     let mut points = match from {
@@ -58,53 +55,29 @@ pub(in crate::run) fn place(job: &mut Job<'_>, set: &PlannedView) -> Result<(), 
     }
     let name = job.folder.hits(&set.name);
     let path = job.folder.prepare(&name)?;
-    let provenance = job.provenance(&key, &[("view", &set.name)]);
+    let provenance = job.provenance(key, &[("view", &set.name)]);
     placed.hits.write_sensors(&path, trace.max_path_m, &provenance)?;
     let list = job.folder.points(&set.name);
     let path = job.folder.at(&list);
     let text = serde_json::to_vec_pretty(&points.set).map_err(std::io::Error::from)?;
     seal::write_bytes(&path, &text).map_err(|source| Error::Write { path, source })?;
     let facts = json!({ "points": points.sensors.len(), "groups": points.set.groups.len() });
-    job.done(&unit, &key, &[name, list], began, facts)
+    Ok(Made::new(vec![name, list], facts))
 }
 
-/// Reads what arrives at the points of each set: `sensors.csv`, `receivers.json`, and for each
-/// group when.
-pub(in crate::run) fn received(job: &mut Job<'_>) -> Result<(), Error> {
-    let resolved = job.resolved;
-    for candidate in &resolved.candidates {
-        for set in &resolved.sensors {
-            let key = resolved.received_key(candidate, set)?;
-            let unit = received_unit(candidate, set);
-            if job.needs(Stage::Glare, &unit, &key) {
-                one(job, candidate, set, &unit, &key)?;
-            }
-        }
-    }
-    Ok(())
-}
-
-/// The name of the unit that [`received`] makes.
-pub(in crate::run) fn received_unit(candidate: &Candidate, set: &PlannedView) -> String {
-    format!("glare {} {} points", candidate.name, set.name)
-}
-
-fn one(
-    job: &mut Job<'_>,
-    candidate: &Candidate,
-    set: &PlannedView,
-    unit: &str,
-    key: &str,
-) -> Result<(), Error> {
-    let began = Instant::now();
+/// Reads what arrives at the points of a set: `sensors.csv`, `receivers.json`, and for each group
+/// when.
+pub(in crate::run) fn received(job: &Job<'_>, of: OfView<'_>) -> Result<Made, Error> {
+    let OfView { candidate, view: set } = of;
     let map = |file: &str| job.folder.map(&candidate.name, &set.name, file);
     let hits = job.folder.read_hits(&set.name)?;
     let volume = Volume::open(&job.folder.at(&job.folder.series(&candidate.name, &set.name)))?;
     let store = telling_store(job, candidate)?;
     let points = read_points(&job.folder, set)?;
-    let air = match set.direct {
-        true => None,
-        false => Crossings::open(
+    let gather = set.photons();
+    let air = match gather {
+        None => None,
+        Some(_) => Crossings::open(
             &job.folder,
             &candidate.name,
             (&points, set),
@@ -116,7 +89,7 @@ fn one(
     let clock = Clock::new(&job.resolved.project.site, axis.year);
     let civil = TimeAxis { hour: clock.hours(&axis), ..axis.clone() };
     let steps = axis.day.len();
-    let bandwidth = set.series_bandwidth.unwrap_or_else(|| (3 * steps).max(4000));
+    let bandwidth = gather.copied().unwrap_or_default().series_bandwidth(steps);
     let annual = read(job, &map("annual.exr"), "annual.wh_m2")?;
     let normal = read(job, &map("annual.exr"), "annual_normal.wh_m2")?;
     let thresholds = &job.resolved.project.glare.thresholds_w_m2;
@@ -138,12 +111,11 @@ fn one(
         civil: &civil,
         store: store.as_ref(),
         air: air.as_ref(),
-        exact: set.direct,
+        exact: set.is_direct(),
         surfaces: &surfaces,
         bandwidth,
-        max_radius_m: set
-            .annual
-            .max_radius_m
+        max_radius_m: gather
+            .and_then(|gather| gather.annual.max_radius_m)
             .or_else(|| Some(store.as_ref()?.max_radius_m(bandwidth)))
             .unwrap_or_default(),
         thresholds,
@@ -188,7 +160,7 @@ fn one(
     }
     let cache = store.as_ref().map(Store::cache_stats);
     let facts = json!({ "receivers": all.groups.len(), "cache": cache });
-    job.done(unit, key, &outputs, began, facts)
+    Ok(Made::new(outputs, facts))
 }
 
 /// `occurrence/01-church-tower`: where the times of a group lie, without an extension.

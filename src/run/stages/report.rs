@@ -1,7 +1,5 @@
 //! The document: numbers per material and view, the longest events, and the pictures.
 
-use std::time::Instant;
-
 use glintmap_formats::seal;
 use serde_json::json;
 
@@ -11,34 +9,29 @@ use super::people;
 use super::photons::Traced;
 use super::pictures::read;
 use crate::base::{Grid, Provenance, SpectralBasis};
-use crate::project::key_of;
-use crate::project::{Candidate, PlannedMoment, PlannedView, RECEIVERS, Resolved};
+use crate::project::{Candidate, PlannedMoment, PlannedView, RECEIVERS, Resolved, WordOr};
 use crate::report::{Document, Figure, Section, Table, html};
 use crate::run::error::Error;
-use crate::run::job::{Job, Stage};
+use crate::run::job::{Job, Made};
 
 /// Events that the report lists for a material, view and threshold.
 const EVENTS: usize = 5;
 
+/// Judges the observers and regions: `verdicts.json`.
+pub(in crate::run) fn verdicts(job: &Job<'_>) -> Result<Made, Error> {
+    let (judgements, name) = judged::judge(job)?;
+    Ok(Made::new(vec![name], json!({ "verdicts": judgements.len() })))
+}
+
 /// Writes `report.html`.
-pub(in crate::run) fn report(job: &mut Job<'_>) -> Result<(), Error> {
-    let pictures = job.manifest.units.get("pictures").map(|u| u.key.clone());
-    let p = &job.resolved.project;
-    let eyes = job.resolved.eyes_key()?;
-    let facts =
-        (pictures, eyes, job.resolved.moments_key()?, &job.resolved.rules, &p.observer, &p.region);
-    let key = key_of("report", &facts)?;
-    if !job.needs(Stage::Report, "report", &key) {
-        return Ok(());
-    }
-    let began = Instant::now();
-    let (judgements, verdicts) = judged::judge(job)?;
-    let document = document(job, &key, &judgements)?;
+pub(in crate::run) fn report(job: &Job<'_>, key: &str) -> Result<Made, Error> {
+    let judgements = judged::read(job)?;
+    let document = document(job, key, &judgements)?;
     let name = std::path::PathBuf::from("report.html");
     let path = job.folder.at(&name);
     seal::write_bytes(&path, html(&document).as_bytes())
         .map_err(|source| Error::Write { path, source })?;
-    job.done("report", &key, &[name, verdicts], began, json!({ "verdicts": judgements.len() }))
+    Ok(Made::new(vec![name], json!({ "verdicts": judgements.len() })))
 }
 
 fn document(job: &Job<'_>, key: &str, judgements: &[Judgement]) -> Result<Document, Error> {
@@ -54,7 +47,10 @@ fn document(job: &Job<'_>, key: &str, judgements: &[Judgement]) -> Result<Docume
             p.time.year,
             timeline.steps.len(),
             if p.time.half_year { " of half a year, doubled" } else { "" },
-            p.time.irradiance.as_str().unwrap_or("as in the project file"),
+            match &p.time.irradiance {
+                WordOr::Word(strength) => strength.name(),
+                WordOr::Table(_) => "as in the project file",
+            },
         ),
         draft: resolved.is_draft(),
         sections: Vec::new(),
@@ -151,7 +147,7 @@ fn numbers(job: &Job<'_>, view: &PlannedView) -> Result<Section, Error> {
         heading: format!("Numbers in the view “{}”", view.name),
         text: vec![format!(
             "The largest value of any pixel. Durations come from the irradiance smoothed in space and time, as in the published method{}.",
-            if view.direct { "" } else { "; a pixel with few photons can stand out" }
+            if view.is_direct() { "" } else { "; a pixel with few photons can stand out" }
         )],
         tables: vec![table],
         ..Section::default()
@@ -340,7 +336,7 @@ fn limits_of_it(job: &Job<'_>) -> Section {
         true => "the observers and regions".to_owned(),
         false => format!("the view “{}”", v.name),
     };
-    let direct: Vec<String> = resolved.with_sensors().filter(|v| v.direct).map(name).collect();
+    let direct: Vec<String> = resolved.with_sensors().filter(|v| v.is_direct()).map(name).collect();
     if !direct.is_empty() {
         text.push(format!(
             "Integrated over the PV without photons, so without noise: {}. How far that may be off stands in their annual.exr, error.wh_m2.",

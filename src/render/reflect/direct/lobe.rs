@@ -2,7 +2,7 @@
 
 use super::kernel::{Point, Sums};
 use super::suns::Suns;
-use crate::render::gather::estimate::MIN_COS;
+use crate::base::MIN_COS;
 use crate::render::reflect::disc::DiscPoint;
 use crate::render::reflect::lobe::{FacetLobe, Outs};
 

@@ -9,8 +9,8 @@ use glam::{DVec3, Vec3};
 use super::kernel::Point;
 use super::lobe::{POINTS, Ways};
 use super::receiver::ReceiverPoint;
+use crate::base::MIN_COS;
 use crate::bsdf::Cone;
-use crate::render::gather::estimate::MIN_COS;
 use crate::render::reflect::facet::Facet;
 use crate::render::reflect::pv::Cell;
 

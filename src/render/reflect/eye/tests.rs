@@ -244,7 +244,7 @@ fn walled() -> Site {
 
 /// Some days of a year in steps of two minutes.
 fn days(from: u32, to: u32, step: u32) -> Timeline {
-    use crate::sky::{DayRange, HourRange, Irradiance, Place, SunModel, TimeSpec};
+    use crate::sky::{DayRange, HourRange, Place, SunModel, SunStrength, TimeSpec};
     let place = Place {
         latitude_deg: 47.038,
         longitude_deg: 8.312,
@@ -257,7 +257,7 @@ fn days(from: u32, to: u32, step: u32) -> Timeline {
         hours: HourRange { from: 0.0, to: 23.99, step: 1.0 / 30.0 },
         finer: Vec::new(),
         sun: SunModel::Gensky,
-        irradiance: Irradiance::ClearSky,
+        irradiance: SunStrength::ClearSky,
         half_year: false,
     };
     crate::sky::timeline(&place, &spec).expect("suns")

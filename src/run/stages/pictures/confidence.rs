@@ -12,7 +12,7 @@ pub(super) fn quantities(
     out: &mut Vec<Quantity>,
 ) -> Result<(), Error> {
     let largest = |file: &str, channel: &str, share: f64| {
-        let grids = of_views(job, file, channel, |view| !view.direct)?;
+        let grids = of_views(job, file, channel, |view| !view.is_direct())?;
         Ok::<_, Error>(scale::nice_ceiling(scale::percentile(&grids, share).max(1e-6)))
     };
     let error = "standard_error.wh_m2";

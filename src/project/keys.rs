@@ -24,9 +24,9 @@ use super::resolve::{Candidate, Made, PlannedMoment, Resolved};
 use super::tables::{FileEntry, Project, PvTable, SceneTable, SiteTable};
 use super::view_tables::{ObserverTable, RegionTable};
 use super::views::{Estimator, PhotonGather, PlannedView, Points, SeriesKept, Target};
+use crate::base::Irradiance;
 use crate::base::Provenance;
 use crate::glare;
-use crate::render::Quantity;
 use crate::rules::{Class, Profile};
 use crate::site::Season;
 use crate::sky::{FarHorizon, Place, TimeSpec};
@@ -107,7 +107,7 @@ struct RenderSettings<'a> {
     estimator: &'a Estimator,
     series: SeriesKept,
     mantissa_bits: u32,
-    quantity: Quantity,
+    quantity: Irradiance,
 }
 
 #[derive(Serialize)]
@@ -144,7 +144,7 @@ struct EyeSettings<'a> {
     materials: Vec<Material<'a>>,
     observers: &'a [ObserverTable],
     thresholds_w_m2: &'a [f64],
-    quantity: Quantity,
+    quantity: Irradiance,
     /// Along time; an eye has no neighbours.
     sigma: f64,
     truncate: f64,

@@ -12,10 +12,9 @@ use super::reader::Reader;
 use super::set::Assignment;
 use super::tables::Project;
 use super::views::{Picture, PlannedView, Points, Target};
-use crate::base::Timeline;
+use crate::base::{Irradiance, Timeline};
 use crate::bsdf::{Bsdf, Model, Side, Spectrum};
 use crate::glare;
-use crate::render::Quantity;
 use crate::rules::Profile;
 use crate::site::{PvSpec, SceneSpec};
 use crate::sky::{self, FarHorizon, Place, TimeSpec};
@@ -125,7 +124,7 @@ pub struct Resolved {
     /// How photons are traced.
     pub trace: trace::Settings,
     /// What is compared with the thresholds.
-    pub quantity: Quantity,
+    pub quantity: Irradiance,
     /// How glare is found; the threshold is filled in for each.
     pub glare: glare::Settings,
     /// What it is judged by.

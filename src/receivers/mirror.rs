@@ -409,3 +409,20 @@ fn region(
             .collect(),
     })
 }
+
+/// Sunrise and sunset of each day of the project's year on a flat horizon, h of local standard time,
+/// to some minutes; none where the sun stays below it.
+pub fn sunrise_and_sunset(resolved: &Resolved) -> Vec<[Option<f64>; 2]> {
+    const PER_HOUR: u32 = 20;
+    let times = &resolved.times;
+    let hour = |i: u32| f64::from(i) / f64::from(PER_HOUR);
+    (0..sky::days_in_year(times.year))
+        .map(|day| {
+            let up = |i: &u32| {
+                sky::sun_direction(&resolved.place, times.sun, times.year, day, hour(*i)).z > 0.0
+            };
+            let first = (0..24 * PER_HOUR).find(up);
+            [first, (0..24 * PER_HOUR).rev().find(up)].map(|at| at.map(hour))
+        })
+        .collect()
+}

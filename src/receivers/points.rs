@@ -11,8 +11,9 @@ use crate::project;
 use crate::project::{Folder, Key};
 use crate::project::{ObserverTable, RegionTable};
 use crate::project::{PlannedView, Resolved};
+use crate::render::PvInView;
 use crate::render::samples::{Sample, sample_objects, sample_polygon};
-use crate::render::sensors::{Footing, PvInView, Sensor, place};
+use crate::render::sensors::{Footing, Sensor, place};
 use crate::render::{HitMap, View};
 use crate::site::{Coordinates, Site, local_from_map};
 

@@ -9,7 +9,8 @@ use crate::base::limits::TILE_EDGE;
 use crate::glare::{Lengths, Run, SpotGlare, margins, runs, spot};
 use crate::pages::{Neighbours, Query, Store};
 use crate::render::HitMap;
-use crate::render::sensors::{Footing, PvInView};
+use crate::render::PvInView;
+use crate::render::sensors::Footing;
 use crate::volume::{TimeAxis, Volume};
 
 pub use super::year::{AtThreshold, Banded, Episode, GroupReceived, Received};

@@ -23,7 +23,7 @@ pub fn run(
     let folder = Folder::new(resolved.run_folder());
     let _lock = folder.lock(options.shard)?;
     let log = Log::begin(&folder, &options)?;
-    let told = Logged { progress, log: log.clone() };
+    let told = Logged::new(progress, log.clone());
     let mut job = Job::new(resolved, options, folder, log, &told)?;
     let outcome = stages_of(&mut job);
     job.log.end(outcome.as_ref().err())?;

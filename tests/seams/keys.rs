@@ -418,7 +418,7 @@ fn every_key_of_a_project_decides_some_unit() {
         "glare",
     ];
     fs::write(&file, &text).expect("writes");
-    let mut tell = |table: &str, message: String| {
+    let tell = |table: &str, message: String| {
         for key in known(&message) {
             let key = format!("{table}{key}");
             let below = format!("{key}.");

@@ -1,15 +1,13 @@
 //! For those who work on glintmap: the rules of the house, and what makes the fixtures.
 
 mod case_study;
+#[cfg(feature = "compare")]
 mod compare;
 mod tidy;
 
-use std::io::Write;
 use std::path::{Path, PathBuf};
 
 use clap::{Parser, Subcommand};
-
-use compare::What;
 
 /// Tools for those who work on glintmap
 #[derive(Debug, Parser)]
@@ -28,6 +26,7 @@ enum Command {
         /// Folder, created if missing
         dir: PathBuf,
     },
+    #[cfg(feature = "compare")]
     /// Say what differs between two run folders: which file, which channel, by how much
     Compare {
         /// The run folder as it was
@@ -49,8 +48,11 @@ fn main() -> anyhow::Result<()> {
     match Cli::parse().command {
         Command::Tidy => tidy::report(&Path::new(env!("CARGO_MANIFEST_DIR")).join("..")),
         Command::CaseStudy { dir } => case_study::write(&dir, &case_study::files()),
+        #[cfg(feature = "compare")]
         Command::Compare { old, new, values } => {
-            let what = if values { What::Values } else { What::Everything };
+            use std::io::Write;
+
+            let what = if values { compare::What::Values } else { compare::What::Everything };
             let report = compare::compare(&old, &new, what)?;
             writeln!(std::io::stdout(), "{report}")?;
             anyhow::ensure!(report.findings.is_empty(), "the folders differ");

@@ -9,7 +9,7 @@ use serde_json::json;
 use super::judged::class;
 use super::receivers::sheet::quoted;
 use super::receivers::{OUTDOOR_H, occurrence};
-use crate::base::{Provenance, SpectralBasis};
+use crate::base::{Irradiance, Provenance, SpectralBasis};
 use crate::glare::{Kernel, Lengths};
 use crate::picture::scatter::{Dots, LogAxis, Scatter, Zone};
 use crate::project::{Candidate, RECEIVERS};
@@ -18,7 +18,6 @@ use crate::receivers::eyes::{
     EyeYear, EyeYears, Looker, Measure, Thresholds, azimuth_altitude_deg, instants, sights, zone_of,
 };
 use crate::receivers::points::Spreader;
-use crate::render::Quantity;
 use crate::render::eye::hazard::{HazardZone, after_image_w_cm2, burn_w_cm2};
 use crate::render::eye::{Eye, EyeInstant, EyeMaterial, EyePv};
 use crate::rules::Class;
@@ -40,7 +39,7 @@ pub(in crate::run) fn eyes(job: &Job<'_>) -> Result<Made, Error> {
     let thresholds = Thresholds {
         filter: &filter,
         irradiances_w_m2: &resolved.project.glare.thresholds_w_m2,
-        normal: resolved.quantity == Quantity::Normal,
+        normal: resolved.quantity == Irradiance::FacingBeam,
     };
     let pv = EyePv::new(site);
     let lookers = lookers(job, &axis, &clock)?;

@@ -35,7 +35,7 @@ pub(super) trait Batches {
         timesteps: Range<u32>,
         sink: &dyn TileSink,
         progress: &dyn Progress,
-    ) -> Result<(), crate::render::Error>;
+    ) -> Result<(), Error>;
 }
 
 impl Batches for Fused<'_> {
@@ -52,8 +52,8 @@ impl Batches for Fused<'_> {
         timesteps: Range<u32>,
         sink: &dyn TileSink,
         progress: &dyn Progress,
-    ) -> Result<(), crate::render::Error> {
-        Fused::batch(self, timesteps, sink, progress)
+    ) -> Result<(), Error> {
+        Ok(Fused::batch(self, timesteps, sink, progress)?)
     }
 }
 
@@ -71,8 +71,8 @@ impl Batches for FusedDirect<'_> {
         timesteps: Range<u32>,
         sink: &dyn TileSink,
         progress: &dyn Progress,
-    ) -> Result<(), crate::render::Error> {
-        FusedDirect::batch(self, timesteps, sink, progress)
+    ) -> Result<(), Error> {
+        Ok(FusedDirect::batch(self, timesteps, sink, progress)?)
     }
 }
 
@@ -122,8 +122,8 @@ pub(super) fn analyse<'a, B: Batches>(
     let mut years = Vec::new();
     let clock_h = Clock::new(&job.resolved.project.site, axis.year).hours(axis);
     for &threshold in thresholds.iter().filter(|_| view.picture().is_some()) {
-        let of = (axis, Some(&clock_h[..]));
-        years.push(YearTiles::new(of, [hits.rows, hits.columns], threshold, spill)?);
+        let size = [hits.rows, hits.columns];
+        years.push(YearTiles::new(axis, Some(&clock_h), size, threshold, spill)?);
     }
     let all = All(&years);
     let whole = Rounded::new(&all, view.mantissa_bits);

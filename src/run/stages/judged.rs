@@ -120,8 +120,8 @@ fn metrics(job: &Job<'_>, group: &GroupReceived, eye: Option<&EyeYear>, pv_m2: f
     if let (Some(eye), true) = (eye, group.not_evaluated.is_some()) {
         // Photons don't land on what sends them; the eye's irradiance is integrated there.
         let peak = match job.resolved.quantity {
-            crate::render::Quantity::Surface => eye.irradiance_w_m2,
-            crate::render::Quantity::Normal => eye.normal_w_m2,
+            crate::base::Irradiance::Surface => eye.irradiance_w_m2,
+            crate::base::Irradiance::FacingBeam => eye.normal_w_m2,
         };
         plain(&mut measured, Quantity::IrradianceWM2, peak.value);
         let thresholds = &job.resolved.project.glare.thresholds_w_m2;

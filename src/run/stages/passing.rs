@@ -8,13 +8,13 @@ use std::time::Instant;
 use serde_json::json;
 
 use super::photons::{Done, Filling, Traced, fill};
-use crate::base::{Gate, GateSheet};
+use crate::base::{SensorSheet, VirtualSensor};
 use crate::pages;
 use crate::project::PhotonGather;
 use crate::receivers::air::{Crossings, InAir, STORE};
 use crate::receivers::points::read_points;
 use crate::render::sensors;
-use crate::render::{Hit, HitMap, Passed};
+use crate::render::{Hit, HitMap, VirtualSensors};
 use crate::run::error::Error;
 use crate::run::job::{Job, Made};
 use crate::run::units::{AIR_SPILL, OfView};
@@ -26,7 +26,7 @@ const CROSSINGS: u64 = 10_000;
 /// What crossed discs, and the discs.
 pub(super) struct Air {
     crossings: Crossings,
-    gates: Vec<Gate>,
+    gates: Vec<VirtualSensor>,
 }
 
 impl Air {
@@ -45,17 +45,17 @@ impl Air {
     }
 
     /// What maps and series are made from.
-    pub fn passed(&self) -> Passed<'_> {
+    pub fn passed(&self) -> VirtualSensors<'_> {
         let Crossings { air, store } = &self.crossings;
-        Passed { store, gates: &self.gates, sheet: air.sheet, sensors: &air.points }
+        VirtualSensors { store, discs: &self.gates, sheet: air.sheet, columns: &air.points }
     }
 }
 
-fn gates(job: &Job<'_>, hits: &HitMap, air: &InAir) -> Result<Vec<Gate>, Error> {
+fn gates(job: &Job<'_>, hits: &HitMap, air: &InAir) -> Result<Vec<VirtualSensor>, Error> {
     let site = job.site()?;
     let gate_of = |&point: &usize| {
         let Hit { position, normal, .. } = hits.hits[point];
-        sensors::gate(position.as_dvec3(), normal.as_dvec3(), air.radius_m, site)
+        sensors::virtual_sensor(position.as_dvec3(), normal.as_dvec3(), air.radius_m, site)
     };
     Ok(air.points.iter().map(gate_of).collect())
 }
@@ -82,7 +82,7 @@ pub(in crate::run) fn air(
 fn send(
     job: &Job<'_>,
     of: OfView<'_>,
-    (gates, sheet): (&[Gate], GateSheet),
+    (gates, sheet): (&[VirtualSensor], SensorSheet),
     wanted: u64,
     key: &str,
 ) -> Result<PathBuf, Error> {
@@ -97,7 +97,7 @@ fn send(
     };
     // No more effort than all surfaces together were worth.
     let most = Traced::read(job, candidate)?.plan.emitted;
-    let tracer = Tracer::through(&emission, &Through { gates, sheet, most })?;
+    let tracer = Tracer::through(&emission, &Through { sensors: gates, sheet, most })?;
     let name = of.to_string();
     let spill = job.folder.prepare(&job.folder.map(&candidate.name, &view.name, AIR_SPILL))?;
     let filling = Filling {

@@ -8,16 +8,16 @@ use serde_json::json;
 
 use super::noted::Noted;
 use super::passing::Air;
-use crate::base::{Grid, SpectralBasis, TileSink};
+use crate::base::{Grid, Irradiance, SpectralBasis, TileSink};
 use crate::pages::{Access, OpenOptions, Store};
 use crate::picture::{exr, hdr};
 use crate::project::{Candidate, PhotonGather, Picture, PlannedView, SeriesKept};
-use crate::render::{self, Fused, Gather, HitMap, Passed, Quantity, Series, Surfaces, View};
+use crate::render::{self, Fused, Gather, HitMap, Series, Surfaces, View, VirtualSensors};
 use crate::run::cpu::Watch;
 use crate::run::error::Error;
 use crate::run::job::{Job, Made};
 use crate::run::units::OfView;
-use crate::volume::{self, Rounded, TimeAxis, Volume, Writer};
+use crate::volume::{Rounded, TimeAxis, Volume, Writer};
 
 /// Suns that light the background picture: enough for soft shadows of a year.
 const BACKGROUND_SUNS: usize = 24;
@@ -89,7 +89,7 @@ struct Gathering<'a> {
     store: &'a Store,
     surfaces: Option<&'a Surfaces<'a>>,
     hits: &'a HitMap,
-    air: Option<Passed<'a>>,
+    air: Option<VirtualSensors<'a>>,
 }
 
 /// The time series of a view from photons, or its analyses where none is kept.
@@ -202,7 +202,7 @@ fn written(
     job: &Job<'_>,
     from: &Gathering<'_>,
     of: OfView<'_>,
-    (key, quantity): (&str, Quantity),
+    (key, quantity): (&str, Irradiance),
     gather: &Gather,
     outputs: &mut Vec<PathBuf>,
 ) -> Result<(Series, serde_json::Value), Error> {
@@ -231,11 +231,11 @@ fn written(
 }
 
 /// Names of the series and the peak of a quantity.
-pub(super) fn names(job: &Job<'_>, quantity: Quantity) -> (&'static str, &'static str) {
+pub(super) fn names(job: &Job<'_>, quantity: Irradiance) -> (&'static str, &'static str) {
     match quantity {
         _ if quantity == job.resolved.quantity => ("series.zarr", "peak.exr"),
-        Quantity::Surface => ("series_surface.zarr", "peak_surface.exr"),
-        Quantity::Normal => ("series_normal.zarr", "peak_normal.exr"),
+        Irradiance::Surface => ("series_surface.zarr", "peak_surface.exr"),
+        Irradiance::FacingBeam => ("series_normal.zarr", "peak_normal.exr"),
     }
 }
 
@@ -243,7 +243,7 @@ pub(super) fn names(job: &Job<'_>, quantity: Quantity) -> (&'static str, &'stati
 pub(super) fn writer(
     job: &Job<'_>,
     of: OfView<'_>,
-    (key, quantity): (&str, Quantity),
+    (key, quantity): (&str, Irradiance),
     hits: &HitMap,
 ) -> Result<Writer, Error> {
     let OfView { candidate, view } = of;
@@ -254,7 +254,6 @@ pub(super) fn writer(
         provenance.about.insert("largest_relative_error".to_owned(), most);
     }
     let (columns, rows) = (hits.columns, hits.rows);
-    let quantity = written_quantity(quantity);
     let timeline = job.timeline()?;
     Ok(Writer::create_or_resume(&path, timeline, columns, rows, quantity, &provenance)?)
 }
@@ -289,7 +288,7 @@ pub(in crate::run) fn annual(
     attributes.push(("VIEW".to_owned(), camera.to_options()));
     let channels: [(&str, &Grid<f32>); 4] = [
         ("annual.wh_m2", &annual.surface),
-        ("annual_normal.wh_m2", &annual.normal),
+        ("annual_normal.wh_m2", &annual.facing_beam),
         ("radius.m", &annual.radius_m),
         ("standard_error.wh_m2", &annual.error),
     ];
@@ -323,7 +322,7 @@ pub(super) fn peak(
     job: &Job<'_>,
     of: OfView<'_>,
     key: &str,
-    quantity: Quantity,
+    quantity: Irradiance,
 ) -> Result<PathBuf, Error> {
     let series = job.folder.map(&of.candidate.name, &of.view.name, names(job, quantity).0);
     let volume = Volume::open(&job.folder.at(&series))?;
@@ -337,7 +336,7 @@ pub(super) fn write_peak(
     job: &Job<'_>,
     of: OfView<'_>,
     key: &str,
-    quantity: Quantity,
+    quantity: Irradiance,
     peak: &Grid<f32>,
 ) -> Result<PathBuf, Error> {
     let name = job.folder.map(&of.candidate.name, &of.view.name, names(job, quantity).1);
@@ -348,25 +347,17 @@ pub(super) fn write_peak(
 }
 
 /// Name of the channel of `peak.exr`.
-pub(super) fn peak_channel(quantity: Quantity) -> &'static str {
+pub(super) fn peak_channel(quantity: Irradiance) -> &'static str {
     match quantity {
-        Quantity::Surface => "peak.w_m2",
-        Quantity::Normal => "peak_normal.w_m2",
+        Irradiance::Surface => "peak.w_m2",
+        Irradiance::FacingBeam => "peak_normal.w_m2",
     }
 }
 
 /// Which irradiance it is, for people.
-pub(super) fn quantity_words(quantity: Quantity) -> &'static str {
+pub(super) fn quantity_words(quantity: Irradiance) -> &'static str {
     match quantity {
-        Quantity::Surface => "on the surface",
-        Quantity::Normal => "normal to the beam",
-    }
-}
-
-/// The volume's word for what was rendered; neither room knows the other.
-fn written_quantity(quantity: Quantity) -> volume::Quantity {
-    match quantity {
-        Quantity::Surface => volume::Quantity::Surface,
-        Quantity::Normal => volume::Quantity::Normal,
+        Irradiance::Surface => "on the surface",
+        Irradiance::FacingBeam => "normal to the beam",
     }
 }

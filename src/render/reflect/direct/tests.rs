@@ -8,11 +8,11 @@ use super::scene::{Direct, DirectScene, DirectScratch};
 use super::series::{DirectSinks, TileYear, direct_series};
 use super::sight::PvSight;
 use super::year::DirectYear;
+use crate::base::Irradiance;
 use crate::base::{
     Frame, SeriesEntry, Silent, SinkError, SpectralBasis, TileRect, TileSink, Timeline, Timestep,
 };
-use crate::bsdf::{Bsdf, Model};
-use crate::render::gather::series::Quantity;
+use crate::bsdf::{Bsdf, BsdfFile, Model, Side};
 use crate::render::view::hits::{Hit, HitKind, HitMap};
 use crate::site::{Crowns, Face, Material, Object, PvSurface, Season, Site, Triangle};
 
@@ -188,6 +188,35 @@ fn a_glossy_plane_is_what_fine_quadrature_gives() {
     }
 }
 
+/// A file that scatters evenly.
+fn measured(per_sr: f64) -> Bsdf {
+    let text = format!(
+        "<WindowElement><Optical><Layer><DataDefinition><IncidentDataStructure>TensorTree4</IncidentDataStructure></DataDefinition><WavelengthData><Wavelength>Visible</Wavelength><WavelengthDataBlock><WavelengthDataDirection>Reflection Back</WavelengthDataDirection><AngleBasis>LBNL/Shirley-Chiu</AngleBasis><ScatteringData>{{{per_sr}}}</ScatteringData></WavelengthDataBlock></WavelengthData></Layer></Optical></WindowElement>"
+    );
+    let file = BsdfFile::parse(&text, "test.xml").expect("a good file");
+    Bsdf::Measured(file.reflection(Side::Front, None).expect("has it"))
+}
+
+/// A receiver's own plane cuts through the PV: where a part of a cell is seen whose middle lies
+/// behind that plane, no point of the cell stands for it.
+#[test]
+fn a_measured_plane_is_seen_by_a_receiver_that_stands_on_its_edge() {
+    let site = site(&[flat(5.0)]);
+    let (file, even) = (measured(0.1), model(&Model::Lambertian { reflectance: 0.1 * PI }));
+    let timeline = timeline(&[DVec3::new(-0.5, 0.3, 0.8)], 0.533);
+    for (i, height_m) in [0.3, 2.0, 12.0].into_iter().cycle().take(60).enumerate() {
+        let at = DVec3::new(-5.0 + 0.17 * i as f64, 0.2, height_m);
+        let [file, even] = [&file, &even].map(|b| year(&site, &timeline, b, at, DVec3::X));
+        let (found, expected) = (file.surface_w_m2[0], even.surface_w_m2[0]);
+        let bound = file.error_w_m2[0] + even.error_w_m2[0];
+        println!("{at}: {found:.5} W/m2, expected {expected:.5}, bound {bound:.1e}");
+        assert!((expected > 0.0) == (at.x < 5.0));
+        assert!((found - expected).abs() <= bound, "{at}: {found} {expected} {bound}");
+        // Close to the far edge all that is seen is a border.
+        assert!((found - expected).abs() <= 1e-3 * expected || at.x > 4.5, "{at}");
+    }
+}
+
 #[test]
 fn the_suns_disc_is_integrated() {
     let site = site(&[flat(1.0)]);
@@ -312,8 +341,8 @@ fn a_view_goes_on_where_it_stopped() {
     };
     let facing = Kept { most: 100, ..Kept::default() };
     let run = |sink: &Kept| {
-        let other = Some((Quantity::Normal, &facing as &dyn TileSink));
-        let sinks = DirectSinks { series: (Quantity::Surface, sink), other, keep: &keep };
+        let other = Some((Irradiance::FacingBeam, &facing as &dyn TileSink));
+        let sinks = DirectSinks { series: (Irradiance::Surface, sink), other, keep: &keep };
         direct_series(&direct, &hits, sinks, &Silent)
     };
     let mut halfway = Kept { most: 3, ..Kept::default() };

@@ -187,7 +187,7 @@ impl<'a> Reader<'a> {
                 sky::Error::Place { field, .. } => field,
                 _ => "latitude",
             };
-            self.wrong(&Key::of("site").key(field), wrong.to_string());
+            self.wrong(&Key::of("site").key(field), after_name(&wrong));
         }
         if let Some(zone) = &s.timezone
             && jiff::tz::TimeZone::get(zone).is_err()
@@ -235,7 +235,7 @@ impl<'a> Reader<'a> {
                 sky::Error::Irradiance { .. } => "time.irradiance",
                 _ => "time",
             };
-            self.wrong(&Key::of(key), wrong.to_string());
+            self.wrong(&Key::of(key), after_name(&wrong));
         }
         times
     }
@@ -404,6 +404,12 @@ impl<'a> Reader<'a> {
         };
         self.project.pv.iter().enumerate().filter_map(spec).collect()
     }
+}
+
+/// What an error of the sky says of a setting, without its name: the key has that.
+fn after_name(error: &sky::Error) -> String {
+    let text = error.to_string();
+    text.split_once(": ").map_or(text.clone(), |(_, rest)| rest.to_owned())
 }
 
 /// An error with all its causes.

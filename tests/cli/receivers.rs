@@ -413,7 +413,7 @@ fn mistakes_in_regions_are_named_before_anything_is_made() {
         ("region.The wall.spacing_m", "0.0", "spacing_m"),
         ("region.The wall.polygon", "[[0, 0], [1, 1], [0, 1]]", "either `object` or `polygon`"),
         ("region.Ground before the wall.view", "\"pan\"", "there are: plan"),
-        ("region.Ground before the wall.coordinates", "\"maps\"", "\"map\" or \"local\""),
+        ("region.Ground before the wall.coordinates", "\"maps\"", "\"local\" or \"map\""),
         ("observer.Wall.class", "\"dweling\"", "dwelling"),
     ] {
         let said = say(&["run", path, "--quiet", "--set", &format!("{key}={value}")]);

@@ -22,4 +22,5 @@ pub use job::{Options, Stage, Summary};
 pub use runner::run;
 pub use site_plan::draw_site;
 pub use stages::Judgement;
+pub use units::{HandedOn, OfView, Unit, Work, units};
 pub use verify::verify;

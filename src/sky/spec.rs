@@ -17,7 +17,7 @@ pub(super) struct Instant {
 }
 
 /// Which formulas say where the sun stands.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 pub enum SunModel {
     /// Radiance's gensky as of 2018, as the paper used it.
     #[serde(rename = "gensky-2018")]
@@ -163,13 +163,24 @@ impl TimeSpec {
         (0..hours.len()).map(|i| Instant { hour: hours[i].0, length_h: length(i) }).collect()
     }
 
-    /// Checks everything that doesn't need the sun.
-    pub(super) fn check(&self) -> Result<(), Error> {
-        if !(1583..6000).contains(&self.year) {
-            return Err(Error::Year(self.year));
+    /// Everything that is wrong without asking the sun.
+    pub fn mistakes(&self) -> Vec<Error> {
+        let mut out = Vec::new();
+        let mut add = |checked: Result<(), Error>| out.extend(checked.err());
+        match (1583..6000).contains(&self.year) {
+            true => add(self.days.check(self.year)),
+            false => add(Err(Error::Year(self.year))),
         }
-        self.days.check(self.year)?;
-        self.hours.check()?;
+        add(self.hours.check());
+        add(self.check_finer());
+        add(self.irradiance.check());
+        if self.half_year && self.days.to > 182 {
+            add(Err(Error::HalfYear { from: self.days.from, to: self.days.to }));
+        }
+        out
+    }
+
+    fn check_finer(&self) -> Result<(), Error> {
         let mut end = self.hours.from;
         for range in &self.finer {
             range.check()?;
@@ -182,11 +193,12 @@ impl TimeSpec {
             }
             end = range.to;
         }
-        self.irradiance.check()?;
-        if self.half_year && self.days.to > 182 {
-            return Err(Error::HalfYear { from: self.days.from, to: self.days.to });
-        }
         Ok(())
+    }
+
+    /// Checks everything that doesn't need the sun.
+    pub(super) fn check(&self) -> Result<(), Error> {
+        self.mistakes().into_iter().next().map_or(Ok(()), Err)
     }
 }
 

@@ -9,7 +9,7 @@ use super::people;
 use super::photons::Traced;
 use super::pictures::read;
 use crate::base::{Grid, Provenance, SpectralBasis};
-use crate::project::{Candidate, PlannedMoment, PlannedView, RECEIVERS, Resolved};
+use crate::project::{Candidate, PlannedMoment, PlannedView, RECEIVERS, Resolved, WordOr};
 use crate::report::{Document, Figure, Section, Table, html};
 use crate::run::error::Error;
 use crate::run::job::{Job, Made};
@@ -47,7 +47,10 @@ fn document(job: &Job<'_>, key: &str, judgements: &[Judgement]) -> Result<Docume
             p.time.year,
             timeline.steps.len(),
             if p.time.half_year { " of half a year, doubled" } else { "" },
-            p.time.irradiance.as_str().unwrap_or("as in the project file"),
+            match &p.time.irradiance {
+                WordOr::Word(strength) => strength.name(),
+                WordOr::Table(_) => "as in the project file",
+            },
         ),
         draft: resolved.is_draft(),
         sections: Vec::new(),

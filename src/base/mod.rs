@@ -12,6 +12,7 @@ mod progress;
 mod rng;
 mod seam;
 mod space;
+pub mod table;
 mod tally;
 mod time;
 
@@ -26,4 +27,4 @@ pub use rng::{Purpose, Stream};
 pub use seam::{PhotonSink, SeriesEntry, SinkError, TileSink};
 pub use space::{Aabb, Frame};
 pub use tally::{Account, Fate, Tally};
-pub use time::{SpectralBasis, Timeline, Timestep};
+pub use time::{MONTHS, SpectralBasis, Timeline, Timestep};

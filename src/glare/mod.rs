@@ -23,7 +23,7 @@ mod tile_batch;
 pub mod year;
 
 pub use error::Error;
-pub use events::{Event, Events, write_events};
+pub use events::{Event, EventRow, EventTimes, Events, ListedEvent, write_events};
 pub use filter::Kernel;
 pub use plan::Plan;
 pub use regular::Regular;
@@ -32,4 +32,7 @@ pub use settings::{Connectivity, Settings};
 pub use slices::{Calendar, ReadFailure, Slices};
 pub use stream::{Analysis, Filtered, analyse, analyse_planned, plan};
 pub use tile_batch::TileBatch;
-pub use year::{Lengths, Run, SpotGlare, YearMap, YearRows, YearTiles, margins, runs, spot, year};
+pub use year::{
+    HourBounds, HourCounter, Lengths, Run, SpotGlare, YearMap, YearRows, YearTiles, each_slice,
+    margins, runs, spot, year,
+};

@@ -1,3 +1,7 @@
+//! A page as data, and as HTML.
+
+use std::path::Path;
+
 use maud::{DOCTYPE, Markup, PreEscaped, html as markup};
 
 /// A page: what it is about, its tables and its pictures.
@@ -84,6 +88,11 @@ pub struct Figure {
     pub path: String,
     /// What it shows.
     pub caption: String,
+}
+
+/// How the page names a file of the run.
+pub fn link(name: &Path) -> String {
+    name.to_string_lossy().replace('\\', "/")
 }
 
 const STYLE: &str = "

@@ -11,7 +11,6 @@ use serde::Serialize;
 use super::error::Error;
 use super::estimate::used_bytes;
 use super::job::Stage;
-use super::stages::AIR_SPILL;
 use super::units::{stage_of, units};
 use crate::project::Folder;
 use crate::project::Manifest;
@@ -163,7 +162,7 @@ fn sort_out(
             add(Part::Unfinished, folder.waiting_tiles(&candidate.name, &view.name));
         }
         for set in &resolved.sensors {
-            add(Part::Unfinished, folder.map(&candidate.name, &set.name, AIR_SPILL));
+            add(Part::Unfinished, folder.air_spill(&candidate.name, &set.name));
         }
     }
     Ok(found)

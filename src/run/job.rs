@@ -11,7 +11,6 @@ use serde_json::Value;
 use super::clean::{lies_inside, remove};
 use super::error::Error;
 use super::log::Log;
-use super::stages::Judgement;
 use super::units::{Planned, units};
 use crate::base::{Finding, Progress, Provenance, Severity, Timeline};
 use crate::pages::CacheStats;
@@ -19,6 +18,7 @@ use crate::project::Folder;
 use crate::project::Manifest;
 use crate::project::Resolved;
 use crate::project::Shard;
+use crate::report::Judgement;
 use crate::site::Site;
 
 /// The stages of a run, in their order.

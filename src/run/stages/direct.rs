@@ -1,21 +1,19 @@
 //! Maps and series of a view that is integrated directly.
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::time::Instant;
 
 use glintmap_formats::npy;
 use serde_json::json;
 
-use super::fused;
-use super::render::{About, attributes, names, peak, write_peak, writer};
+use super::files::Subject;
+use super::{fused, series_files};
 use crate::base::{Grid, SinkError, TileRect, TileSink, limits, tiles};
-use crate::picture::{exr, hdr};
-use crate::project::Folder;
-use crate::project::{Candidate, PlannedView};
+use crate::project::{Candidate, Map, PlannedView};
 use crate::receivers::air::InAir;
 use crate::receivers::points::read_points;
 use crate::render::{
-    self, Direct, DirectScene, DirectSinks, FusedDirect, HitMap, PvSight, Quantity, TileYear,
+    self, Direct, DirectScene, DirectSinks, FusedDirect, HitMap, PvSight, TileYear,
 };
 use crate::run::error::Error;
 use crate::run::job::{Job, Stage};
@@ -42,24 +40,25 @@ pub(super) fn maps(
             hits = air.lifted(hits);
         }
     }
+    let of = Subject { candidate, view, key: &key };
     let waiting = job.folder.waiting_tiles(&candidate.name, &view.name);
-    let folder = job.folder.prepare(&waiting.join("tile"))?;
-    let folder = folder.parent().unwrap_or(Path::new("")).to_owned();
-    let quantity = job.resolved.quantity;
     if sight.is_none() {
         *sight = Some(sees(job)?);
     }
     let Some(sight) = sight else { return Ok(()) };
     let direct = Direct::new(scene(job, candidate)?, sight)?;
+    let folder = &job.folder;
     let keep = |tile: TileRect, year: &TileYear| {
         let all = [&year.surface_wh_m2, &year.normal_wh_m2, &year.error_wh_m2];
         let values: Vec<f32> = all.into_iter().flatten().copied().collect();
-        let path = folder.join(Folder::tile(tile));
-        npy::write(&path, &[all.len(), tile.rows, tile.columns], &values)
-            .map_err(|e| SinkError::Io(std::io::Error::other(e)))
+        let path = folder.prepare(&folder.waiting_tile(&candidate.name, &view.name, tile));
+        path.map_err(std::io::Error::other)
+            .and_then(|path| {
+                let shape = [all.len(), tile.rows, tile.columns];
+                npy::write(&path, &shape, &values).map_err(std::io::Error::other)
+            })
+            .map_err(SinkError::Io)
     };
-    let about = [("material", candidate.name.as_str()), ("view", view.name.as_str())];
-    let about = (key.as_str(), &about[..]);
     let mut outputs = Vec::new();
     let facts = if view.fuse {
         let axis = TimeAxis::from(job.timeline()?);
@@ -67,15 +66,15 @@ pub(super) fn maps(
         let made = analyse(job, &axis, view, (&direct, &hits), thresholds, &keep)?;
         job.progress.finish();
         let fused::Made { rendered, peak, analyses, batches } = made;
-        let told = rendered.summary;
-        outputs.push(write_peak(job, candidate, view, about, quantity, &peak)?);
+        let summary = rendered.summary;
+        outputs.extend(series_files::write_peak(job, of, job.resolved.quantity, &peak)?);
         fused::record(job, candidate, view, &axis, analyses, began)?;
-        json!({ "integrated": told, "batches": batches })
+        json!({ "integrated": summary, "batches": batches })
     } else {
-        let from = (&direct, &hits);
-        written(job, candidate, view, from, (about, quantity), &keep, &mut outputs)?
+        written(job, of, (&direct, &hits), &keep, &mut outputs)?
     };
-    outputs.extend(annual(job, &folder, &hits, candidate, view, &key)?);
+    annual(job, of, &hits)?;
+    outputs.extend(series_files::annual_names(job, of));
     job.remove(&waiting)?;
     job.done(&unit, &key, &outputs, began, facts)
 }
@@ -83,40 +82,32 @@ pub(super) fn maps(
 /// Takes a tile's sums over the year.
 type Keep<'a> = &'a (dyn Fn(TileRect, &TileYear) -> Result<(), SinkError> + Sync);
 
-/// Writes the series, and the peaks; what is to be told of it.
+/// Writes the series, and the peaks; facts for the log.
 fn written(
     job: &Job<'_>,
-    candidate: &Candidate,
-    view: &PlannedView,
+    of: Subject<'_>,
     (direct, hits): (&Direct<'_>, &HitMap),
-    (about, quantity): (About<'_>, Quantity),
     keep: Keep<'_>,
     outputs: &mut Vec<PathBuf>,
 ) -> Result<serde_json::Value, Error> {
-    let other = match quantity {
-        Quantity::Surface => Quantity::Normal,
-        Quantity::Normal => Quantity::Surface,
-    };
-    let writer_of = |quantity| writer(job, candidate, view, (about.0, quantity), hits);
-    let other = view.both.then(|| Ok::<_, Error>((other, writer_of(other)?))).transpose()?;
-    let writer = writer_of(quantity)?;
+    let writer =
+        |quantity| Ok::<_, Error>((quantity, series_files::writer(job, of, quantity, hits)?));
+    let asked = writer(job.resolved.quantity)?;
+    let other = series_files::other(job, of).map(writer).transpose()?;
     let sinks = DirectSinks {
-        series: (quantity, &writer),
-        other: other.as_ref().map(|(quantity, writer)| (*quantity, writer as &dyn TileSink)),
+        series: (asked.0, &asked.1),
+        other: other.as_ref().map(|(quantity, to)| (*quantity, to as &dyn TileSink)),
         keep,
     };
-    let told = render::direct_series(direct, hits, sinks, job.progress)?;
+    let summary = render::direct_series(direct, hits, sinks, job.progress)?;
     job.progress.finish();
-    let written = writer.finish()?;
-    let series = |quantity| job.folder.map(&candidate.name, &view.name, names(job, quantity).0);
-    outputs.push(series(quantity));
-    outputs.push(peak(job, candidate, view, about, quantity)?);
-    if let Some((quantity, writer)) = other {
-        writer.finish()?;
-        outputs.push(series(quantity));
-        outputs.push(peak(job, candidate, view, about, quantity)?);
+    let mut facts = Vec::new();
+    for (quantity, writer) in std::iter::once(asked).chain(other) {
+        facts.push(json!(writer.finish()?));
+        outputs.push(series_files::name(job, of, quantity));
+        outputs.extend(series_files::peak(job, of, quantity)?);
     }
-    Ok(json!({ "series": written, "integrated": told }))
+    Ok(json!({ "series": facts[0], "integrated": summary }))
 }
 
 fn scene<'a>(job: &'a Job<'_>, candidate: &'a Candidate) -> Result<DirectScene<'a>, Error> {
@@ -164,20 +155,13 @@ pub(super) fn fused<'a>(
 }
 
 /// The year's maps from the tiles that wait.
-fn annual(
-    job: &Job<'_>,
-    folder: &Path,
-    hits: &HitMap,
-    candidate: &Candidate,
-    view: &PlannedView,
-    key: &str,
-) -> Result<Vec<PathBuf>, Error> {
+fn annual(job: &Job<'_>, of: Subject<'_>, hits: &HitMap) -> Result<(), Error> {
     let (columns, rows) = (hits.columns, hits.rows);
     let empty = || Grid::filled(columns, rows, 0.0_f32);
     let mut maps = [empty(), empty(), empty()];
     for tile in tiles(columns, rows, limits::TILE_EDGE) {
-        let path = folder.join(Folder::tile(tile));
-        let values: Vec<f32> = npy::Reader::open(&path)?.read_all()?;
+        let name = job.folder.waiting_tile(&of.candidate.name, &of.view.name, tile);
+        let values: Vec<f32> = npy::Reader::open(&job.folder.at(&name))?.read_all()?;
         for (map, part) in maps.iter_mut().zip(values.chunks_exact(tile.pixels())) {
             for (i, &value) in part.iter().enumerate() {
                 let at = (tile.column + i % tile.columns, tile.row + i / tile.columns);
@@ -185,22 +169,8 @@ fn annual(
             }
         }
     }
-    let about = [("material", candidate.name.as_str()), ("view", view.name.as_str())];
-    let name = |file: &str| job.folder.map(&candidate.name, &view.name, file);
     let [surface, normal, error] = &maps;
-    exr::write(
-        &job.folder.prepare(&name("annual.exr"))?,
-        &[("annual.wh_m2", surface), ("annual_normal.wh_m2", normal), ("error.wh_m2", error)],
-        &attributes(job, key, &about),
-    )?;
-    let mut lines = vec![
-        format!("SOFTWARE= {}", crate::base::Provenance::PROGRAM),
-        "annual radiant exposure, Wh/m2".to_owned(),
-    ];
-    if view.points.is_none() {
-        lines.push(view.view.to_view_line());
-    }
-    hdr::write(&job.folder.at(&name("annual.hdr")), &surface.map(|v| [*v; 3]), &lines)?;
-    npy::write(&job.folder.at(&name("annual.npy")), &[rows, columns], surface.data())?;
-    Ok(vec![name("annual.exr"), name("annual.hdr"), name("annual.npy")])
+    let maps =
+        [(Map::Annual, surface), (Map::AnnualNormal, normal), (Map::IntegrationError, error)];
+    series_files::write_annual(job, of, &maps, &job.attributes(of.key, &of.about())?)
 }

@@ -1,32 +1,27 @@
 //! One file a stage. Each asks the manifest what is current, calls the rooms, and records what
 //! they left behind.
 
-mod band;
+mod crossings;
 mod direct;
 mod events;
 mod eyes;
+mod files;
 mod fused;
 mod glare;
-mod judged;
+mod glare_files;
 mod moments;
-mod noted;
-mod passing;
-mod people;
 mod photons;
 mod pictures;
 mod receivers;
 mod render;
 mod report;
+mod series_files;
 mod suns;
-mod verdicts;
-mod year;
+mod tile_notes;
 
 pub(super) use eyes::UNIT as EYES_UNIT;
 pub(super) use glare::glare;
-pub use judged::Judgement;
-pub(super) use judged::read as read_judgements;
 pub(super) use moments::UNIT as MOMENTS_UNIT;
-pub(super) use passing::SPILL as AIR_SPILL;
 pub(super) use photons::{Traced, pages, trace};
 pub(super) use pictures::{key as pictures_key, pictures};
 pub(super) use receivers::{check as check_receivers, received_unit};

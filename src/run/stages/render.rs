@@ -3,21 +3,20 @@
 use std::path::PathBuf;
 use std::time::Instant;
 
-use serde_json::json;
+use serde_json::{Value, json};
 
-use super::direct;
-use super::noted::Noted;
-use super::passing;
-use crate::base::{Grid, SpectralBasis, TileSink};
+use super::files::Subject;
+use super::tile_notes::TileNotes;
+use super::{crossings, direct, fused, series_files};
+use crate::base::TileSink;
 use crate::pages::{Access, OpenOptions, Store};
-use crate::picture::{self, exr, hdr};
-use crate::project::key_of;
-use crate::project::{Candidate, PlannedView};
+use crate::picture::{self, exr};
+use crate::project::{Candidate, Map, PlannedView, key_of};
 use crate::render::{self, Fused, Gather, HitMap, Passed, Quantity, Series, Surfaces};
 use crate::run::cpu::Watch;
 use crate::run::error::Error;
 use crate::run::job::{Job, Stage};
-use crate::volume::{self, TimeAxis, Volume, Writer};
+use crate::volume::TimeAxis;
 
 /// Suns that light the background picture: enough for soft shadows of a year.
 const BACKGROUND_SUNS: usize = 24;
@@ -75,34 +74,27 @@ fn background(job: &mut Job<'_>, view: &PlannedView) -> Result<(), Error> {
     let path = job.folder.prepare(&name)?;
     let channel = |i: usize| picture.map(|rgb| rgb[i]);
     let (r, g, b) = (channel(0), channel(1), channel(2));
-    let attributes = attributes(job, &key, &[("view", &view.name)]);
+    let attributes = job.attributes(&key, &[("view", &view.name)])?;
     exr::write(&path, &[("R", &r), ("G", &g), ("B", &b)], &attributes)?;
     job.done(&unit, &key, &[name], began, json!({ "suns": suns.len() }))
 }
 
-/// What EXR files say of their making.
-pub(in crate::run) fn attributes(
-    job: &Job<'_>,
-    key: &str,
-    about: &[(&str, &str)],
-) -> Vec<(String, String)> {
-    let p = job.provenance(key, about);
-    let mut out = vec![
-        ("glintmap.program".to_owned(), p.program),
-        ("glintmap.settings".to_owned(), p.settings),
-        ("glintmap.seed".to_owned(), p.seed.to_string()),
-    ];
-    // In one attribute: OpenEXR's names end at 31 letters, file names don't.
-    let inputs: Vec<String> =
-        p.inputs.iter().map(|(name, hash)| format!("{name} {hash}")).collect();
-    out.push(("glintmap.inputs".to_owned(), inputs.join("\n")));
-    out.extend(p.about.into_iter().map(|(k, v)| (format!("glintmap.{k}"), v)));
-    let basis = match job.timeline().map(|t| t.basis) {
-        Ok(SpectralBasis::Visible) => "visible",
-        _ => "broadband",
-    };
-    out.push(("glintmap.basis".to_owned(), basis.to_owned()));
-    out
+/// What a view's maps and series are gathered from.
+#[derive(Clone, Copy)]
+struct Photons<'a> {
+    store: &'a Store,
+    surfaces: Option<&'a Surfaces<'a>>,
+    hits: &'a HitMap,
+    /// Of the points in free air.
+    air: Option<Passed<'a>>,
+}
+
+/// What the series of a view gave, and facts for the log.
+struct Gathered<'a> {
+    series: Series,
+    facts: Value,
+    /// Of a fused view.
+    analyses: Vec<fused::Analysed<'a>>,
 }
 
 fn maps(job: &mut Job<'_>, candidate: &Candidate, view: &PlannedView) -> Result<(), Error> {
@@ -112,69 +104,157 @@ fn maps(job: &mut Job<'_>, candidate: &Candidate, view: &PlannedView) -> Result<
         return Ok(());
     }
     let began = Instant::now();
+    let of = Subject { candidate, view, key: &key };
     let hits = job.folder.read_hits(&view.name)?;
     let store = open_store(job, candidate)?;
-    let about = [("material", candidate.name.as_str()), ("view", view.name.as_str())];
-    let about = (key.as_str(), &about[..]);
     let surfaces = view.annual.edges.then(|| job.site().map(Surfaces::of)).transpose()?;
-    let made_from = (&store, surfaces.as_ref(), &hits);
-    let air = passing::crossings(job, candidate, view, &hits)?;
-    let air = air.as_ref().map(passing::Made::passed);
-    let (mut outputs, annual_took) = annual(job, made_from, air, candidate, view, about)?;
+    let crossings = crossings::crossings(job, candidate, view, &hits)?;
+    let air = crossings.as_ref().map(crossings::Made::passed);
+    let photons = Photons { store: &store, surfaces: surfaces.as_ref(), hits: &hits, air };
+    let annual_took = annual(job, of, photons)?;
+    let mut outputs = series_files::annual_names(job, of).to_vec();
     if air.is_some() {
-        outputs.push(passing::store_name(job, candidate, view));
+        outputs.push(job.folder.air(&candidate.name, &view.name));
     }
     let annual_cache = store.cache_stats();
     let watch = Watch::start();
-    let (series, written) = if view.fuse {
-        let thresholds = &job.resolved.project.glare.thresholds_w_m2;
-        let axis = TimeAxis::from(job.timeline()?);
-        let gather = series_gather(job, view)?;
-        let made = analysed(job, &axis, view, made_from, &gather, thresholds)?;
-        job.progress.finish();
-        let super::fused::Made { rendered, peak, analyses, batches } = made;
-        let (series, quantity) = (rendered.series, job.resolved.quantity);
-        outputs.push(write_peak(job, candidate, view, about, quantity, &peak)?);
-        super::fused::record(job, candidate, view, &axis, analyses, began)?;
-        (series, json!({ "batches": batches }))
-    } else {
-        let quantity = job.resolved.quantity;
-        let mut written = |quantity| {
-            written(job, made_from, air, candidate, view, (about, quantity), &mut outputs)
-        };
-        let made = written(quantity)?;
-        if view.both {
-            let other = match quantity {
-                Quantity::Surface => Quantity::Normal,
-                Quantity::Normal => Quantity::Surface,
-            };
-            written(other)?;
-        }
-        made
+    let axis = TimeAxis::from(job.timeline()?);
+    let gathered = match view.fuse {
+        true => analysed_series(job, of, photons, &axis, &mut outputs)?,
+        false => all_series(job, of, photons, &mut outputs)?,
     };
     let series_took = watch.read();
-    let noise = job.folder.map(&candidate.name, &view.name, "noise.exr");
-    let channels = [("photon.w_m2", &series.photon_w_m2), ("series_radius.m", &series.radius_m)];
-    exr::write(&job.folder.prepare(&noise)?, &channels, &attributes(job, about.0, about.1))?;
-    outputs.push(noise);
-    let share = series.summary.photons_per_lit_timestep();
-    if let Some(photons) = share.filter(|p| *p < 10.0) {
-        let bandwidth = series_gather(job, view)?.bandwidth;
-        job.warn(format!(
-            "{} {}: {photons:.1} photons for each timestep that is lit at a pixel (bandwidth {bandwidth}); below 10 noise decides about durations: store more photons and raise series_bandwidth",
-            candidate.name, view.name
-        ));
+    let Gathered { series, facts, analyses } = gathered;
+    if view.fuse {
+        fused::record(job, candidate, view, &axis, analyses, began)?;
     }
+    outputs.extend(noise(job, of, &series)?);
+    let share = series.summary.photons_per_lit_timestep();
+    warn_of_noise(job, of, share)?;
     let facts = json!({
         "cache": store.cache_stats(),
         "annual": annual_took,
         "annual_cache": annual_cache,
         "series_took": series_took,
-        "series": written,
+        "series": facts,
         "gathered": series.summary,
         "photons_per_lit_timestep": share,
     });
     job.done(&unit, &key, &outputs, began, facts)
+}
+
+/// The maps of the year; how long they took, nothing where they were there.
+fn annual(job: &Job<'_>, of: Subject<'_>, photons: Photons<'_>) -> Result<Option<Value>, Error> {
+    let Photons { store, surfaces, hits, air } = photons;
+    let mut attributes = job.attributes(of.key, &of.about())?;
+    // What `view_file` reads.
+    attributes.push(("VIEW".to_owned(), of.view.view.to_options()));
+    // Written last: where it says that it was made from the same, the others were, too.
+    let [last, ..] = series_files::annual_names(job, of).map(|name| job.folder.at(&name));
+    let made = |made: picture::Channels| attributes.iter().all(|a| made.attributes.contains(a));
+    if !job.is_forced(Stage::Render) && last.exists() && exr::read(&last).is_ok_and(made) {
+        return Ok(None);
+    }
+    let watch = Watch::start();
+    let weights: Vec<f64> = job.timeline()?.steps.iter().map(|s| s.weight_h).collect();
+    let gather = &of.view.annual;
+    let mut annual = render::annual(store, surfaces, hits, &weights, gather, job.progress)?;
+    if let Some(air) = &air {
+        air.add_year(&mut annual, &weights)?;
+    }
+    let took = watch.read();
+    job.progress.finish();
+    let maps = [
+        (Map::Annual, &annual.surface),
+        (Map::AnnualNormal, &annual.normal),
+        (Map::Radius, &annual.radius_m),
+        (Map::StandardError, &annual.error),
+    ];
+    series_files::write_annual(job, of, &maps, &attributes)?;
+    Ok(Some(json!(took)))
+}
+
+/// Renders a fused view and analyses it, batch by batch.
+fn analysed_series<'a>(
+    job: &Job<'_>,
+    of: Subject<'_>,
+    photons: Photons<'_>,
+    axis: &'a TimeAxis,
+    outputs: &mut Vec<PathBuf>,
+) -> Result<Gathered<'a>, Error> {
+    let thresholds = &job.resolved.project.glare.thresholds_w_m2;
+    let gather = series_gather(job, of.view)?;
+    let made = analysed(job, axis, of.view, photons, &gather, thresholds)?;
+    job.progress.finish();
+    let fused::Made { rendered, peak, analyses, batches } = made;
+    let series = rendered.series;
+    outputs.extend(series_files::write_peak(job, of, job.resolved.quantity, &peak)?);
+    Ok(Gathered { series, facts: json!({ "batches": batches }), analyses })
+}
+
+/// Writes the series of a view; what that of the irradiance gave which the project asks for.
+fn all_series(
+    job: &Job<'_>,
+    of: Subject<'_>,
+    photons: Photons<'_>,
+    outputs: &mut Vec<PathBuf>,
+) -> Result<Gathered<'static>, Error> {
+    let gathered = one_series(job, of, photons, job.resolved.quantity, outputs)?;
+    if let Some(other) = series_files::other(job, of) {
+        one_series(job, of, photons, other, outputs)?;
+    }
+    Ok(gathered)
+}
+
+/// Writes a series, and the peak of it.
+fn one_series(
+    job: &Job<'_>,
+    of: Subject<'_>,
+    photons: Photons<'_>,
+    quantity: Quantity,
+    outputs: &mut Vec<PathBuf>,
+) -> Result<Gathered<'static>, Error> {
+    let Photons { store, surfaces, hits, air } = photons;
+    let gather = series_gather(job, of.view)?;
+    let writer = series_files::writer(job, of, quantity, hits)?;
+    let series = series_files::series_of(job, quantity);
+    let notes = job.folder.tile_notes(&of.candidate.name, &of.view.name, series);
+    let path = job.folder.prepare(&notes)?;
+    let noted = TileNotes::open(&writer, &path, of.key, hits.columns)?;
+    let with_air = air.as_ref().map(|a| a.series(&noted, quantity, gather.mantissa_bits));
+    let sink: &dyn TileSink = match &with_air {
+        Some(sink) => sink,
+        None => &noted,
+    };
+    let mut series = render::series(store, surfaces, hits, &gather, quantity, sink, job.progress)?;
+    if let Some(air) = &air {
+        air.add_noise(&mut series, quantity)?;
+    }
+    drop(noted);
+    job.progress.finish();
+    let written = writer.finish()?;
+    outputs.push(series_files::name(job, of, quantity));
+    outputs.extend(series_files::peak(job, of, quantity)?);
+    job.remove(&notes)?;
+    Ok(Gathered { series, facts: json!(written), analyses: Vec::new() })
+}
+
+/// What a photon of the series stands for, and how far they were gathered.
+fn noise(job: &Job<'_>, of: Subject<'_>, series: &Series) -> Result<Vec<PathBuf>, Error> {
+    let maps =
+        [(Map::PhotonIrradiance, &series.photon_w_m2), (Map::SeriesRadius, &series.radius_m)];
+    job.write_maps(of, &maps, &job.attributes(of.key, &of.about())?)
+}
+
+/// Tells the user where noise decides about durations.
+fn warn_of_noise(job: &mut Job<'_>, of: Subject<'_>, share: Option<f64>) -> Result<(), Error> {
+    let Some(photons) = share.filter(|p| *p < 10.0) else { return Ok(()) };
+    let bandwidth = series_gather(job, of.view)?.bandwidth;
+    job.warn(format!(
+        "{} {}: {photons:.1} photons for each timestep that is lit at a pixel (bandwidth {bandwidth}); below 10 noise decides about durations: store more photons and raise series_bandwidth",
+        of.candidate.name, of.view.name
+    ));
+    Ok(())
 }
 
 /// Analyses a fused view again.
@@ -184,24 +264,25 @@ pub(super) fn fused<'a>(
     candidate: &Candidate,
     view: &PlannedView,
     thresholds: &[f64],
-) -> Result<Vec<super::fused::Analysed<'a>>, Error> {
+) -> Result<Vec<fused::Analysed<'a>>, Error> {
     let hits = job.folder.read_hits(&view.name)?;
     let store = open_store(job, candidate)?;
     let gather = series_gather(job, view)?;
     let surfaces = gather.edges.then(|| job.site().map(Surfaces::of)).transpose()?;
-    let from = (&store, surfaces.as_ref(), &hits);
-    Ok(analysed(job, axis, view, from, &gather, thresholds)?.analyses)
+    let photons = Photons { store: &store, surfaces: surfaces.as_ref(), hits: &hits, air: None };
+    Ok(analysed(job, axis, view, photons, &gather, thresholds)?.analyses)
 }
 
 fn analysed<'a, 's>(
     job: &Job<'_>,
     axis: &'a TimeAxis,
     view: &PlannedView,
-    (store, surfaces, hits): MadeFrom<'s>,
+    photons: Photons<'s>,
     gather: &Gather,
     thresholds: &[f64],
-) -> Result<super::fused::Made<'a, Fused<'s>>, Error> {
-    super::fused::analyse(job, axis, view, hits, thresholds, |whole| {
+) -> Result<fused::Made<'a, Fused<'s>>, Error> {
+    let Photons { store, surfaces, hits, .. } = photons;
+    fused::analyse(job, axis, view, hits, thresholds, |whole| {
         let to = (job.resolved.quantity, whole);
         Ok(Fused::prepare(store, surfaces, hits, gather, to, job.progress)?)
     })
@@ -219,193 +300,14 @@ pub(super) fn telling_store(job: &Job<'_>, candidate: &Candidate) -> Result<Opti
     job.resolved.needs_photons().then(|| open_store(job, candidate)).transpose()
 }
 
+/// How many photons the series of a view is gathered from at a pixel.
+pub(super) fn series_bandwidth(job: &Job<'_>, view: &PlannedView) -> Result<usize, Error> {
+    let steps = job.timeline()?.steps.len();
+    Ok(view.series_bandwidth.unwrap_or_else(|| (3 * steps).max(4000)))
+}
+
 /// How the series of a view is gathered.
 fn series_gather(job: &Job<'_>, view: &PlannedView) -> Result<Gather, Error> {
-    let steps = job.timeline()?.steps.len();
-    let bandwidth = view.series_bandwidth.unwrap_or_else(|| (3 * steps).max(4000));
-    let gather = Gather { bandwidth, ..view.annual };
+    let gather = Gather { bandwidth: series_bandwidth(job, view)?, ..view.annual };
     Ok(if view.series_edges { gather } else { gather.open() })
-}
-
-/// A key, and what files say of their making beside it.
-pub(super) type About<'a> = (&'a str, &'a [(&'a str, &'a str)]);
-type MadeFrom<'a> = (&'a Store, Option<&'a Surfaces<'a>>, &'a HitMap);
-
-/// Writes the series, and the peak of it.
-fn written(
-    job: &Job<'_>,
-    (store, surfaces, hits): MadeFrom<'_>,
-    air: Option<Passed<'_>>,
-    candidate: &Candidate,
-    view: &PlannedView,
-    (about, quantity): (About<'_>, Quantity),
-    outputs: &mut Vec<PathBuf>,
-) -> Result<(Series, serde_json::Value), Error> {
-    let gather = series_gather(job, view)?;
-    let writer = writer(job, candidate, view, (about.0, quantity), hits)?;
-    let notes = job.folder.map(&candidate.name, &view.name, names(job, quantity).0);
-    let notes = notes.with_extension("notes");
-    let path = job.folder.prepare(&notes)?;
-    let noted = Noted::open(&writer, &path, about.0, hits.columns)?;
-    let with_air = air.as_ref().map(|a| a.series(&noted, quantity, gather.mantissa_bits));
-    let sink: &dyn TileSink = match &with_air {
-        Some(sink) => sink,
-        None => &noted,
-    };
-    let mut told = render::series(store, surfaces, hits, &gather, quantity, sink, job.progress)?;
-    if let Some(air) = &air {
-        air.add_noise(&mut told, quantity)?;
-    }
-    drop(noted);
-    job.progress.finish();
-    let written = writer.finish()?;
-    outputs.push(job.folder.map(&candidate.name, &view.name, names(job, quantity).0));
-    outputs.push(peak(job, candidate, view, about, quantity)?);
-    job.remove(&notes)?;
-    Ok((told, json!(written)))
-}
-
-/// Names of the series and the peak of a quantity.
-pub(super) fn names(job: &Job<'_>, quantity: Quantity) -> (&'static str, &'static str) {
-    match quantity {
-        _ if quantity == job.resolved.quantity => ("series.zarr", "peak.exr"),
-        Quantity::Surface => ("series_surface.zarr", "peak_surface.exr"),
-        Quantity::Normal => ("series_normal.zarr", "peak_normal.exr"),
-    }
-}
-
-/// The series of a view: begun, or gone on with where it was made from the same settings.
-pub(super) fn writer(
-    job: &Job<'_>,
-    candidate: &Candidate,
-    view: &PlannedView,
-    (key, quantity): (&str, Quantity),
-    hits: &HitMap,
-) -> Result<Writer, Error> {
-    let about = [("material", candidate.name.as_str()), ("view", view.name.as_str())];
-    let name = job.folder.map(&candidate.name, &view.name, names(job, quantity).0);
-    let path = job.folder.prepare(&name)?;
-    let mut provenance = job.provenance(key, &about);
-    if view.annual.mantissa_bits < render::EXACT_BITS {
-        let most = format!("2^-{}", view.annual.mantissa_bits + 1);
-        provenance.about.insert("largest_relative_error".to_owned(), most);
-    }
-    let (columns, rows) = (hits.columns, hits.rows);
-    let quantity = written_quantity(quantity);
-    let create =
-        |timeline| Writer::create_or_resume(&path, timeline, columns, rows, quantity, &provenance);
-    match create(job.timeline()?) {
-        // Made from other settings: of no use any more.
-        Err(volume::Error::Different { .. }) => {
-            job.remove(&name)?;
-            Ok(create(job.timeline()?)?)
-        }
-        other => Ok(other?),
-    }
-}
-
-fn annual(
-    job: &Job<'_>,
-    (store, surfaces, hits): MadeFrom<'_>,
-    air: Option<Passed<'_>>,
-    candidate: &Candidate,
-    view: &PlannedView,
-    (key, about): (&str, &[(&str, &str)]),
-) -> Result<(Vec<PathBuf>, Option<serde_json::Value>), Error> {
-    let name = |file: &str| job.folder.map(&candidate.name, &view.name, file);
-    let outputs = vec![name("annual.exr"), name("annual.hdr"), name("annual.npy")];
-    let mut attributes = attributes(job, key, about);
-    // What `view_file` reads.
-    attributes.push(("VIEW".to_owned(), view.view.to_options()));
-    // Written last: where it says that it was made from the same, the others were, too.
-    let last = job.folder.prepare(&name("annual.exr"))?;
-    let made = |made: picture::Channels| attributes.iter().all(|a| made.attributes.contains(a));
-    if !job.is_forced(Stage::Render) && last.exists() && exr::read(&last).is_ok_and(made) {
-        return Ok((outputs, None));
-    }
-    let watch = Watch::start();
-    let weights: Vec<f64> = job.timeline()?.steps.iter().map(|s| s.weight_h).collect();
-    let mut annual = render::annual(store, surfaces, hits, &weights, &view.annual, job.progress)?;
-    if let Some(air) = &air {
-        air.add_year(&mut annual, &weights)?;
-    }
-    let took = watch.read();
-    job.progress.finish();
-    let grey = annual.surface.map(|v| [*v; 3]);
-    let mut lines = vec![
-        format!("SOFTWARE= {}", crate::base::Provenance::PROGRAM),
-        "annual radiant exposure, Wh/m2".to_owned(),
-    ];
-    if view.points.is_none() {
-        lines.push(view.view.to_view_line());
-    }
-    hdr::write(&job.folder.at(&name("annual.hdr")), &grey, &lines)?;
-    let npy = job.folder.at(&name("annual.npy"));
-    glintmap_formats::npy::write(
-        &npy,
-        &[annual.surface.rows(), annual.surface.columns()],
-        annual.surface.data(),
-    )?;
-    let channels: [(&str, &Grid<f32>); 4] = [
-        ("annual.wh_m2", &annual.surface),
-        ("annual_normal.wh_m2", &annual.normal),
-        ("radius.m", &annual.radius_m),
-        ("standard_error.wh_m2", &annual.error),
-    ];
-    exr::write(&last, &channels, &attributes)?;
-    Ok((outputs, Some(json!(took))))
-}
-
-/// The largest irradiance of the year, from the finished series.
-pub(super) fn peak(
-    job: &Job<'_>,
-    candidate: &Candidate,
-    view: &PlannedView,
-    about: About<'_>,
-    quantity: Quantity,
-) -> Result<PathBuf, Error> {
-    let series = job.folder.map(&candidate.name, &view.name, names(job, quantity).0);
-    let volume = Volume::open(&job.folder.at(&series))?;
-    let peak = volume.peak(job.progress)?;
-    job.progress.finish();
-    write_peak(job, candidate, view, about, quantity, &peak)
-}
-
-/// Writes the largest irradiance of the year.
-pub(super) fn write_peak(
-    job: &Job<'_>,
-    candidate: &Candidate,
-    view: &PlannedView,
-    (key, about): About<'_>,
-    quantity: Quantity,
-    peak: &Grid<f32>,
-) -> Result<PathBuf, Error> {
-    let name = job.folder.map(&candidate.name, &view.name, names(job, quantity).1);
-    let path = job.folder.prepare(&name)?;
-    exr::write(&path, &[(peak_channel(quantity), peak)], &attributes(job, key, about))?;
-    Ok(name)
-}
-
-/// Name of the channel of `peak.exr`.
-pub(super) fn peak_channel(quantity: Quantity) -> &'static str {
-    match quantity {
-        Quantity::Surface => "peak.w_m2",
-        Quantity::Normal => "peak_normal.w_m2",
-    }
-}
-
-/// Which irradiance it is, for people.
-pub(super) fn quantity_words(quantity: Quantity) -> &'static str {
-    match quantity {
-        Quantity::Surface => "on the surface",
-        Quantity::Normal => "normal to the beam",
-    }
-}
-
-/// The volume's word for what was rendered; neither room knows the other.
-fn written_quantity(quantity: Quantity) -> volume::Quantity {
-    match quantity {
-        Quantity::Surface => volume::Quantity::Surface,
-        Quantity::Normal => volume::Quantity::Normal,
-    }
 }

@@ -1,6 +1,5 @@
 use std::time::Instant;
 
-use glintmap_formats::seal;
 use serde_json::json;
 
 use crate::run::error::Error;
@@ -15,11 +14,9 @@ pub(in crate::run) fn suns(job: &mut Job<'_>) -> Result<(), Error> {
     }
     let began = Instant::now();
     let name = job.folder.suns();
-    let path = job.folder.prepare(&name)?;
     let timeline = job.timeline()?;
     let steps = timeline.steps.len();
-    seal::write(&path, |out| sky::write_csv(out, timeline))
-        .map_err(|source: std::io::Error| Error::Write { path: path.clone(), source })?;
+    job.folder.write(&name, |mut out| sky::write_csv(&mut out, timeline))?;
     job.progress.say(&format!("suns: {steps} timesteps with the sun above the horizon"));
     job.done("suns", &key, &[name], began, json!({ "timesteps": steps }))
 }

@@ -9,7 +9,7 @@ use crate::base::{Gate, GateSheet};
 use crate::pages::{self, Access, OpenOptions, Store};
 use crate::project::key_of;
 use crate::project::{Candidate, PlannedView};
-use crate::receivers::air::{Crossings, InAir, STORE};
+use crate::receivers::air::{Crossings, InAir};
 use crate::receivers::points::read_points;
 use crate::render::sensors;
 use crate::render::{Hit, HitMap, Passed};
@@ -19,8 +19,6 @@ use crate::trace::{Emission, Settings, Through, Tracer};
 
 /// Crossings of each gate that are aimed at, at least; no more in all than `photons.stored`.
 const CROSSINGS: u64 = 10_000;
-/// Where crossings wait to be sorted.
-pub(in crate::run) const SPILL: &str = "air-spill";
 
 /// Crossings, and the gates that they crossed.
 pub(super) struct Made {
@@ -34,15 +32,6 @@ impl Made {
         let Crossings { air, store } = &self.crossings;
         Passed { store, gates: &self.gates, sheet: air.sheet, sensors: &air.points }
     }
-}
-
-/// Where the store of a set's crossings lies.
-pub(super) fn store_name(
-    job: &Job<'_>,
-    candidate: &Candidate,
-    view: &PlannedView,
-) -> std::path::PathBuf {
-    job.folder.map(&candidate.name, &view.name, STORE)
 }
 
 /// Sends photons through the gates of a set, unless that was done; `None` where no point stands in
@@ -69,7 +58,7 @@ pub(super) fn crossings(
     let wanted = (gates.len() as u64 * each).min(job.resolved.trace.stored);
     let upstream = (job.resolved.photons_key(candidate)?, job.resolved.hits_key(view)?);
     let key = key_of("air", &(upstream, wanted, air.radius_m))?;
-    let name = store_name(job, candidate, view);
+    let name = job.folder.air(&candidate.name, &view.name);
     let path = job.folder.prepare(&name)?;
     let options = OpenOptions { cache_bytes: job.options.page_cache_bytes, access: Access::Mapped };
     let current = (!job.is_forced(Stage::Render)).then(|| Store::open(&path, &options).ok());
@@ -105,7 +94,7 @@ fn send(
     let most = Traced::read(job, candidate)?.plan.emitted;
     let tracer = Tracer::through(&emission, &Through { gates, sheet, most })?;
     let name = format!("{} {}", candidate.name, view.name);
-    let spill_name = job.folder.map(&candidate.name, &view.name, SPILL);
+    let spill_name = job.folder.air_spill(&candidate.name, &view.name);
     let spill = job.folder.prepare(&spill_name)?;
     let filling = Filling {
         name: &name,
@@ -129,7 +118,7 @@ fn send(
         basis: timeline.basis,
         tally,
     };
-    let path = job.folder.prepare(&store_name(job, candidate, view))?;
+    let path = job.folder.prepare(&job.folder.air(&candidate.name, &view.name))?;
     let memory = job.options.memory_bytes / 4 * 3;
     let built = pages::build(&spill, &path, &about, memory, job.progress)?;
     job.remove(&spill_name)?;

@@ -1,4 +1,4 @@
-//! What was found out about a tile beside its series, so that an interrupted run doesn't render
+//! What was found out about the tiles of a series, kept beside it, so that an interrupted run doesn't render
 //! the tile again for it.
 
 use std::fs::{File, OpenOptions};
@@ -17,7 +17,7 @@ const RECORD: usize = 8 + 4 * NUMBERS;
 
 /// A sink with a file of notes beside it: a record for each tile, in the order of the tiles. The
 /// checksum covers the key of the run, so that notes of other settings are none.
-pub(super) struct Noted<'a> {
+pub(super) struct TileNotes<'a> {
     sink: &'a dyn TileSink,
     path: &'a Path,
     key: &'a str,
@@ -25,7 +25,7 @@ pub(super) struct Noted<'a> {
     file: Mutex<File>,
 }
 
-impl<'a> Noted<'a> {
+impl<'a> TileNotes<'a> {
     /// Opens the file or makes it. `columns`: of the picture.
     pub fn open(
         sink: &'a dyn TileSink,
@@ -64,7 +64,7 @@ impl<'a> Noted<'a> {
     }
 }
 
-impl TileSink for Noted<'_> {
+impl TileSink for TileNotes<'_> {
     fn has(&self, tile: TileRect) -> bool {
         self.sink.has(tile)
     }

@@ -29,6 +29,9 @@ pub const MAX_NESTING: usize = 24;
 pub const MAX_GRID_CELLS: usize = 64_000_000;
 /// Edge of the tiles in which views are rendered and volumes are stored, pixels.
 pub const TILE_EDGE: usize = 32;
+/// Bits of mantissa of a 32-bit float, the leading one aside: a time series that keeps so many is
+/// exact.
+pub const EXACT_MANTISSA_BITS: u32 = f32::MANTISSA_DIGITS - 1;
 /// Findings that are printed before "and N more".
 pub const MAX_FINDINGS_SHOWN: usize = 20;
 

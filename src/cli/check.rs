@@ -42,6 +42,9 @@ pub(super) fn run(arguments: &Arguments, context: &Context) -> anyhow::Result<()
     for line in &receivers {
         let _ = writeln!(text, "{line}");
     }
+    for note in &resolved.notes {
+        let _ = writeln!(text, "note: {note}");
+    }
     for candidate in &resolved.candidates {
         for note in &candidate.notes {
             let _ = writeln!(text, "note: {}: {note}", candidate.name);
@@ -60,6 +63,7 @@ pub(super) fn run(arguments: &Arguments, context: &Context) -> anyhow::Result<()
         "materials": names,
         "receivers": receivers,
         "plan": plan.ok(),
+        "notes": resolved.notes,
         "findings": site.findings,
     });
     context.print(&document, &text)

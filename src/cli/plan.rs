@@ -23,6 +23,9 @@ pub(super) struct Arguments {
 
 pub(super) fn run(arguments: &Arguments, context: &Context) -> anyhow::Result<()> {
     let resolved = Resolved::read(&arguments.project, &arguments.set, arguments.memory)?;
+    for note in &resolved.notes {
+        context.progress().say(&format!("warning: {note}"));
+    }
     let estimate = estimate(&resolved, arguments.memory)?;
     context.print(&estimate, &table(&estimate))?;
     Ok(estimate.refuse_full_disk()?)

@@ -68,7 +68,7 @@ pub struct PlannedView {
     pub options: String,
     /// The camera.
     pub view: View,
-    /// How the annual map is gathered.
+    /// How the annual map is gathered; the defaults where it is integrated directly.
     pub annual: Gather,
     /// Analysed as rendered: no series is kept.
     pub fuse: bool,
@@ -78,6 +78,8 @@ pub struct PlannedView {
     pub series_bandwidth: Option<usize>,
     /// Whether the discs of the series end where those of the annual map do.
     pub series_edges: bool,
+    /// Bits of mantissa that the series keeps, or, of a fused view, that its numbers have.
+    pub mantissa_bits: u32,
     /// Whether it is integrated directly, without photons.
     pub direct: bool,
     /// Points instead of pixels: `view` then means nothing, and the hits say how many there are.
@@ -179,6 +181,8 @@ pub struct Resolved {
     pub inputs: BTreeMap<String, String>,
     /// Hash of the weather file, where there is one.
     pub weather: Option<String>,
+    /// Settings that are without effect, for people.
+    pub notes: Vec<String>,
 }
 
 impl Resolved {
@@ -208,6 +212,7 @@ impl Resolved {
             quantity: r.quantity()?,
             glare: r.glare(memory_bytes)?,
             weather: r.weather()?,
+            notes: r.unused_keys()?,
             candidates,
             reference,
             inputs,
@@ -414,7 +419,8 @@ impl Resolved {
             let p = &self.project.photons;
             let scene = (self.scene_key()?, self.suns_key()?, &candidate.models);
             let sight = (p.max_path_m, p.sun_visibility);
-            let how = ("direct", sight, (view.both, view.fuse), self.hits_key(view)?);
+            let series = (view.both, view.fuse, view.mantissa_bits);
+            let how = ("direct", sight, series, self.hits_key(view)?);
             let names = (&candidate.name, &view.name);
             return key_of("render", &(scene, how, &self.project.glare.quantity, names));
         }
@@ -422,20 +428,32 @@ impl Resolved {
         let estimator = format!("{:?} {:?}", g.estimator, g.kernel);
         let surface = (g.normal_tolerance_deg, g.plane_tolerance_m, g.edges);
         let photons = (estimator, g.bandwidth, view.series_bandwidth, g.max_radius_m);
-        let series = (view.series_edges, view.fuse, view.both, g.mantissa_bits);
+        let series = (view.series_edges, view.fuse, view.both, view.mantissa_bits);
         let how = (photons, surface, series);
         // The names stand in the files, in titles and in legends.
         let names = (&candidate.name, &view.name);
         key_of("render", &(upstream, how, &self.project.glare.quantity, names))
     }
 
-    /// What decides a glare analysis.
+    /// What decides a candidate's glare analysis in a view.
     ///
     /// # Errors
     /// When the settings can't be hashed.
-    pub fn glare_key(&self, render_key: &str, threshold: f64) -> Result<String, Error> {
+    pub fn glare_key(
+        &self,
+        candidate: &Candidate,
+        view: &PlannedView,
+        threshold: f64,
+    ) -> Result<String, Error> {
         let g = &self.project.glare;
-        key_of("glare", &(render_key, threshold, g.sigma, g.truncate, g.connectivity))
+        let render = self.render_key(candidate, view)?;
+        let glare = (threshold, g.sigma, g.truncate, g.connectivity);
+        if view.direct && self.needs_photons() {
+            // The photons of other views tell which PV surface sends an event.
+            return key_of("glare", &(render, glare, self.photons_key(candidate)?));
+        }
+        let (threshold, sigma, truncate, connectivity) = glare;
+        key_of("glare", &(render, threshold, sigma, truncate, connectivity))
     }
 
     /// What decides what the observers' eyes see, of all materials; `None` where nobody looks.
@@ -474,10 +492,9 @@ impl Resolved {
     /// # Errors
     /// When the settings can't be hashed.
     pub fn received_key(&self, candidate: &Candidate, set: &PlannedView) -> Result<String, Error> {
-        let render = self.render_key(candidate, set)?;
         let thresholds = &self.project.glare.thresholds_w_m2;
-        let glare: Vec<String> =
-            thresholds.iter().map(|t| self.glare_key(&render, *t)).collect::<Result<_, _>>()?;
+        let key = |t: &f64| self.glare_key(candidate, set, *t);
+        let glare: Vec<String> = thresholds.iter().map(key).collect::<Result<_, _>>()?;
         // Dates and clock times stand in the tables; outdoors not all of them count.
         let p = &self.project;
         let observers = p.observer.iter().map(|o| o.class);

@@ -28,34 +28,29 @@ pub struct ViewTable {
     /// `"photons"`, `"radiance"` or `"direct"`.
     #[serde(default = "photons")]
     pub estimator: String,
-    /// Nearest photons of the annual map.
-    #[serde(default = "four_hundred")]
-    pub bandwidth: usize,
+    /// Nearest photons of the annual map; 400 if left out.
+    pub bandwidth: Option<usize>,
     /// Nearest photons of the time series; `max(4000, 3 * timesteps)` if left out.
     pub series_bandwidth: Option<usize>,
     /// Largest search radius, m; chosen from the store if left out.
     pub max_radius_m: Option<f32>,
-    /// `"flat"` or `"epanechnikov"`: how the photons around a pixel are weighed.
-    #[serde(default = "flat")]
-    pub kernel: String,
-    /// Largest angle between the normals of pixel and photon, degrees.
-    #[serde(default = "sixty")]
-    pub normal_tolerance_deg: f32,
-    /// How far a photon may lie off the pixel's plane, m; 0 for any distance.
-    #[serde(default = "quarter_m")]
-    pub plane_tolerance_m: f32,
-    /// Whether the disc around a pixel ends at the edges of its surface and at walls.
-    #[serde(default = "yes")]
-    pub edges: bool,
-    /// Whether `edges` and `plane_tolerance_m` hold for the time series, too: slower.
-    #[serde(default)]
-    pub series_edges: bool,
+    /// `"flat"` or `"epanechnikov"`: how the photons around a pixel are weighed; flat if left out.
+    pub kernel: Option<String>,
+    /// Largest angle between the normals of pixel and photon, degrees; 60 if left out.
+    pub normal_tolerance_deg: Option<f32>,
+    /// How far a photon may lie off the pixel's plane, m; 0 for any distance; 0.25 if left out.
+    pub plane_tolerance_m: Option<f32>,
+    /// Whether the disc around a pixel ends at the edges of its surface and at walls; it does if
+    /// left out.
+    pub edges: Option<bool>,
+    /// Whether `edges` and `plane_tolerance_m` hold for the time series, too: slower; they don't if
+    /// left out.
+    pub series_edges: Option<bool>,
     /// Analyse as rendered, keep no series.
     #[serde(default)]
     pub fuse: bool,
-    /// Bits of mantissa that the series keeps, 1 to 23 (exact).
-    #[serde(default = "exact")]
-    pub series_mantissa_bits: u32,
+    /// Bits of mantissa that the series keeps, 1 to 23 (exact, if left out).
+    pub series_mantissa_bits: Option<u32>,
     /// Whether the other irradiance (E_n beside E, or E beside E_n) gets a series and a peak, too.
     #[serde(default)]
     pub both_quantities: bool,
@@ -169,28 +164,4 @@ impl Ids {
 
 fn photons() -> String {
     "photons".into()
-}
-
-fn flat() -> String {
-    "flat".into()
-}
-
-fn sixty() -> f32 {
-    60.0
-}
-
-fn quarter_m() -> f32 {
-    0.25
-}
-
-fn exact() -> u32 {
-    crate::render::EXACT_BITS
-}
-
-fn yes() -> bool {
-    true
-}
-
-fn four_hundred() -> usize {
-    400
 }

@@ -14,9 +14,8 @@ pub mod reflect;
 pub mod view;
 
 pub use gather::{
-    Annual, DECIDED, EXACT_BITS, Estimate, Estimator, Fused, Gather, Kernel, MIN_COS, MIN_RADIUS_M,
-    Passed, PassedSeries, Quantity, Series, SeriesSummary, Surfaces, annual, estimate, series,
-    undecided,
+    Annual, DECIDED, Estimate, Estimator, Fused, Gather, Kernel, MIN_COS, MIN_RADIUS_M, Passed,
+    PassedSeries, Quantity, Series, SeriesSummary, Surfaces, annual, estimate, series, undecided,
 };
 pub use paint::{background, moment, representative_suns};
 pub use reflect::{

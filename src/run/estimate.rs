@@ -158,10 +158,13 @@ pub fn estimate(resolved: &Resolved, memory_bytes: u64) -> Result<Estimate, Erro
     let mut of_views = Vec::new();
     for v in resolved.with_sensors() {
         let p = resolved.pixels(v) as f64;
+        // A fused view keeps no series.
+        let kept = if v.fuse { 0.0 } else { 1.0 + f64::from(u8::from(v.both)) };
+        // A number has 24 bits of mantissa and sign; those that were dropped cost nothing.
+        let number = size::SERIES * (8.0 + f64::from(v.mantissa_bits.min(16))) / 24.0;
         if v.direct {
             direct += p;
-            let kept = 1.0 + f64::from(u8::from(v.both));
-            let bytes = kept * p * size::LIT_DIRECT * steps * size::LIT_TIMESTEPS * size::SERIES;
+            let bytes = kept * p * size::LIT_DIRECT * steps * size::LIT_TIMESTEPS * number;
             series += bytes;
             of_views.push((v.name.clone(), bytes));
             continue;
@@ -172,12 +175,8 @@ pub fn estimate(resolved: &Resolved, memory_bytes: u64) -> Result<Estimate, Erro
         }
         neighbours.0 += p * size::LIT_PIXELS * v.annual.bandwidth as f64;
         neighbours.1 += p * size::LIT_PIXELS * k;
-        // A fused view keeps no series.
-        let kept = if v.fuse { 0.0 } else { 1.0 + f64::from(u8::from(v.both)) };
         let lit = p * size::LIT_PIXELS * (steps * size::LIT_TIMESTEPS).min(k);
-        // A number has 24 bits of mantissa and sign; those that were dropped cost nothing.
-        let bits = 8.0 + f64::from(v.annual.mantissa_bits.min(16)) * 16.0 / 16.0;
-        let bytes = kept * lit * size::SERIES * bits / 24.0;
+        let bytes = kept * lit * number;
         series += bytes;
         of_views.push((v.name.clone(), bytes));
     }

@@ -34,6 +34,7 @@ pub fn run(
 }
 
 fn stages_of(job: &mut Job<'_>) -> Result<(), Error> {
+    job.resolved.notes.iter().for_each(|note| job.warn(note.clone()));
     refuse_full_disk(job)?;
     // Mistakes in the scene come up before anything is made.
     if job.has_to_read_the_scene()? {

@@ -55,7 +55,7 @@ pub fn units(resolved: &Resolved) -> Result<Vec<Planned>, Error> {
             let render = resolved.render_key(candidate, view)?;
             for &threshold in &resolved.project.glare.thresholds_w_m2 {
                 let unit = format!("glare {} {} {threshold}", candidate.name, view.name);
-                add(Stage::Glare, unit, Some(resolved.glare_key(&render, threshold)?));
+                add(Stage::Glare, unit, Some(resolved.glare_key(candidate, view, threshold)?));
             }
             if view.points.is_some() {
                 let unit = stages::received_unit(candidate, view);

@@ -8,3 +8,4 @@ mod memory;
 mod photons;
 mod resumed;
 mod shards;
+mod view_keys;

@@ -5,6 +5,7 @@ use std::fs;
 use std::path::Path;
 
 use super::Reader;
+use super::settings::Gathered;
 use crate::base::limits;
 use crate::project::error::Error;
 use crate::project::manifest::hash_path;
@@ -31,13 +32,11 @@ impl Reader<'_> {
         if p.observer.is_empty() && p.region.is_empty() {
             return Ok(out);
         }
-        // They are gathered as the first picture is: what it shows and what is said of them agree.
-        let (annual, series_bandwidth, series_edges) = match p.view.first() {
-            Some(t) => (self.gather(t)?, t.series_bandwidth, t.series_edges),
-            None => {
-                let default = Gather { estimator: Estimator::Photons, ..Gather::default() };
-                (default, None, false)
-            }
+        // They are gathered as the first view is: what it shows and what is said of them agree.
+        let by = self.receivers_by()?;
+        let (gathered, mantissa_bits) = match p.view.first() {
+            Some(t) => (self.gathered(t, by.is_none())?, self.mantissa_bits(t)?),
+            None => (Gathered::default(), limits::EXACT_MANTISSA_BITS),
         };
         out.push(PlannedView {
             fuse: false,
@@ -45,25 +44,28 @@ impl Reader<'_> {
             name: RECEIVERS.to_owned(),
             options: String::new(),
             view: self.no_view()?,
-            annual,
-            series_bandwidth,
-            series_edges,
+            annual: Gather { estimator: by.unwrap_or(Estimator::Photons), ..gathered.annual },
+            series_bandwidth: gathered.series_bandwidth,
+            series_edges: gathered.series_edges,
+            mantissa_bits,
             points: Some(Points::Receivers),
-            direct: self.receivers_are_direct()?,
+            direct: by.is_none(),
         });
         Ok(out)
     }
 
-    /// Whether observers and regions are integrated; as the first picture where nothing is said.
-    fn receivers_are_direct(&self) -> Result<bool, Error> {
+    /// How observers and regions are computed: as `[receivers]` says, else as the first view.
+    /// `None` where they are integrated directly.
+    pub(super) fn receivers_by(&self) -> Result<Option<Estimator>, Error> {
         let p = self.project;
         let said = p.receivers.as_ref().map(|t| t.estimator.as_str());
-        match said.or(p.view.first().map(|t| t.estimator.as_str())) {
-            Some("direct") => Ok(true),
-            Some(other) if said.is_some() && other != "photons" => Err(self.wrong(format!(
+        match (said, p.view.first().map(|t| t.estimator.as_str())) {
+            (Some("direct"), _) | (None, Some("direct")) => Ok(None),
+            (None, Some("radiance")) => Ok(Some(Estimator::Radiance)),
+            (Some("photons") | None, _) => Ok(Some(Estimator::Photons)),
+            (Some(other), _) => Err(self.wrong(format!(
                 "receivers.estimator: expected \"photons\" or \"direct\", found \"{other}\""
             ))),
-            _ => Ok(false),
         }
     }
 
@@ -79,7 +81,14 @@ impl Reader<'_> {
                 "`sensors` stands alone, without `view`, `view_file`, `size` and `fuse`".into(),
             ));
         }
+        if t.both_quantities {
+            return Err(wrong(
+                "`both_quantities` adds maps to a picture; `sensors` have both in their tables: leave it out".into(),
+            ));
+        }
         let map = self.map(&t.coordinates).map_err(wrong)?;
+        let Gathered { annual, series_bandwidth, series_edges } =
+            self.gathered(t, t.estimator == "direct")?;
         let name = t.sensors.clone().unwrap_or_default();
         let path = self.file.parent().unwrap_or(Path::new("")).join(&name);
         let read = |source| Error::Read { path: path.clone(), source };
@@ -96,9 +105,10 @@ impl Reader<'_> {
             name: t.name.clone(),
             options: String::new(),
             view: self.no_view()?,
-            annual: self.gather(t)?,
-            series_bandwidth: t.series_bandwidth,
-            series_edges: t.series_edges,
+            annual,
+            series_bandwidth,
+            series_edges,
+            mantissa_bits: self.mantissa_bits(t)?,
             points: Some(Points::File { hash: hash_path(&path).map_err(read)?, sensors, map }),
             direct: t.estimator == "direct",
         })

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::path::Path;
 
 use super::{Reader, view_file};
-use crate::base::limits;
+use crate::base::limits::{self, EXACT_MANTISSA_BITS};
 use crate::bsdf::{Bsdf, BsdfFile};
 use crate::glare;
 use crate::project::error::Error;
@@ -12,7 +12,7 @@ use crate::project::manifest::hash_path;
 use crate::project::resolve::{Candidate, Made, PlannedView};
 use crate::project::tables::MaterialTable;
 use crate::project::view_tables::ViewTable;
-use crate::render::{EXACT_BITS, Estimator, Gather, Kernel, Quantity, View};
+use crate::render::{Estimator, Gather, Kernel, Quantity, View};
 use crate::trace::{self, Receivers};
 
 impl Reader<'_> {
@@ -127,7 +127,14 @@ impl Reader<'_> {
                 t.name
             )));
         }
-        let annual = self.gather(t)?;
+        if t.coordinates.is_some() {
+            return Err(self.wrong(format!(
+                "view.{}: `coordinates` goes with `sensors`; a picture's own are local: leave it out",
+                t.name
+            )));
+        }
+        let Gathered { annual, series_bandwidth, series_edges } =
+            self.gathered(t, t.estimator == "direct")?;
         let (options, view) = self.camera(t, columns, rows)?;
         Ok(PlannedView {
             name: t.name.clone(),
@@ -136,20 +143,20 @@ impl Reader<'_> {
             annual,
             fuse: t.fuse,
             both: t.both_quantities,
-            series_bandwidth: t.series_bandwidth,
-            series_edges: t.series_edges,
+            series_bandwidth,
+            series_edges,
+            mantissa_bits: self.mantissa_bits(t)?,
             points: None,
             direct: t.estimator == "direct",
         })
     }
 
-    /// How a view's photons become irradiance.
-    pub(super) fn gather(&self, t: &ViewTable) -> Result<Gather, Error> {
+    /// How a view's photons become irradiance. What is integrated directly has none: whatever its
+    /// keys say (they are checked all the same), the defaults stand for them.
+    pub(super) fn gathered(&self, t: &ViewTable, direct: bool) -> Result<Gathered, Error> {
         let estimator = match t.estimator.as_str() {
-            "photons" => Estimator::Photons,
+            "photons" | "direct" => Estimator::Photons,
             "radiance" => Estimator::Radiance,
-            // Without photons; the bandwidths mean nothing then.
-            "direct" => Estimator::Photons,
             other => {
                 return Err(self.wrong(format!(
                     "view.{}.estimator: expected \"photons\", \"radiance\" or \"direct\", found \"{other}\"",
@@ -157,9 +164,7 @@ impl Reader<'_> {
                 )));
             }
         };
-        for (key, value) in
-            [("bandwidth", Some(t.bandwidth)), ("series_bandwidth", t.series_bandwidth)]
-        {
+        for (key, value) in [("bandwidth", t.bandwidth), ("series_bandwidth", t.series_bandwidth)] {
             if value.is_some_and(|v| !(2..=1_000_000).contains(&v)) {
                 return Err(self.wrong(format!(
                     "view.{}.{key}: expected 2 to 1000000 photons, found {}",
@@ -173,31 +178,86 @@ impl Reader<'_> {
                 self.wrong(format!("view.{}.max_radius_m: expected metres above 0", t.name))
             );
         }
-        if !(1..=EXACT_BITS).contains(&t.series_mantissa_bits) {
-            return Err(self.wrong(format!(
-                "view.{}.series_mantissa_bits: expected 1 to {EXACT_BITS}, found {}",
-                t.name, t.series_mantissa_bits
-            )));
-        }
-        Ok(Gather {
-            bandwidth: t.bandwidth,
+        let default = Gather::default();
+        let normal_tolerance_deg = t.normal_tolerance_deg.unwrap_or(default.normal_tolerance_deg);
+        let annual = Gather {
+            bandwidth: t.bandwidth.unwrap_or(default.bandwidth),
             max_radius_m: t.max_radius_m,
             estimator,
             kernel: self.kernel(t)?,
             normal_tolerance_deg: self.within(
                 t,
                 "normal_tolerance_deg",
-                t.normal_tolerance_deg,
+                normal_tolerance_deg,
                 1.0..=90.0,
             )?,
-            plane_tolerance_m: if t.plane_tolerance_m == 0.0 {
-                None
-            } else {
-                Some(self.within(t, "plane_tolerance_m", t.plane_tolerance_m, 0.01..=100.0)?)
+            plane_tolerance_m: match t.plane_tolerance_m {
+                None => default.plane_tolerance_m,
+                Some(0.0) => None,
+                Some(m) => Some(self.within(t, "plane_tolerance_m", m, 0.01..=100.0)?),
             },
-            edges: t.edges,
-            mantissa_bits: t.series_mantissa_bits,
-        })
+            edges: t.edges.unwrap_or(default.edges),
+        };
+        if direct {
+            return Ok(Gathered::default());
+        }
+        let (series_bandwidth, series_edges) = (t.series_bandwidth, t.series_edges == Some(true));
+        Ok(Gathered { annual, series_bandwidth, series_edges })
+    }
+
+    /// Bits of mantissa of a view's series.
+    pub(super) fn mantissa_bits(&self, t: &ViewTable) -> Result<u32, Error> {
+        let bits = t.series_mantissa_bits.unwrap_or(EXACT_MANTISSA_BITS);
+        if (1..=EXACT_MANTISSA_BITS).contains(&bits) {
+            return Ok(bits);
+        }
+        Err(self.wrong(format!(
+            "view.{}.series_mantissa_bits: expected 1 to {EXACT_MANTISSA_BITS}, found {bits}",
+            t.name
+        )))
+    }
+
+    /// A sentence for each view whose estimator has no use for some of its keys. They are no
+    /// mistake: whoever compares estimators changes `estimator` alone, by `--set`.
+    pub fn unused_keys(&self) -> Result<Vec<String>, Error> {
+        let p = self.project;
+        let nobody = p.observer.is_empty() && p.region.is_empty();
+        let photons = self.receivers_by()? == Some(Estimator::Photons);
+        let mut out = Vec::new();
+        for (i, t) in p.view.iter().enumerate() {
+            // Observers and regions are gathered as the first view would be.
+            if i == 0 && photons && !nobody {
+                continue;
+            }
+            let search = [
+                ("bandwidth", t.bandwidth.is_some()),
+                ("series_bandwidth", t.series_bandwidth.is_some()),
+                ("max_radius_m", t.max_radius_m.is_some()),
+            ];
+            let discs = [
+                ("kernel", t.kernel.is_some()),
+                ("normal_tolerance_deg", t.normal_tolerance_deg.is_some()),
+                ("plane_tolerance_m", t.plane_tolerance_m.is_some()),
+                ("edges", t.edges.is_some()),
+                ("series_edges", t.series_edges.is_some()),
+            ];
+            let unused = match t.estimator.as_str() {
+                "direct" => [&search[..], &discs[..]].concat(),
+                "radiance" => discs.to_vec(),
+                _ => continue,
+            };
+            let written = unused.iter().filter(|(_, is_written)| *is_written);
+            let keys: Vec<String> = written.map(|(key, _)| format!("`{key}`")).collect();
+            if !keys.is_empty() {
+                out.push(format!(
+                    "view.{}: ignored, of no meaning for estimator = \"{}\": {}",
+                    t.name,
+                    t.estimator,
+                    keys.join(", ")
+                ));
+            }
+        }
+        Ok(out)
     }
 
     /// A view and its options: as written, or of a view file or a picture.
@@ -225,10 +285,11 @@ impl Reader<'_> {
     }
 
     fn kernel(&self, t: &ViewTable) -> Result<Kernel, Error> {
-        match t.kernel.as_str() {
-            "flat" => Ok(Kernel::Flat),
-            "epanechnikov" => Ok(Kernel::Epanechnikov),
-            other => Err(self.wrong(format!(
+        match t.kernel.as_deref() {
+            None => Ok(Gather::default().kernel),
+            Some("flat") => Ok(Kernel::Flat),
+            Some("epanechnikov") => Ok(Kernel::Epanechnikov),
+            Some(other) => Err(self.wrong(format!(
                 "view.{}.kernel: expected \"flat\" or \"epanechnikov\", found \"{other}\"",
                 t.name
             ))),
@@ -343,6 +404,14 @@ impl Reader<'_> {
             ..glare::Settings::default()
         })
     }
+}
+
+/// How photons become the maps and the series of a view.
+#[derive(Default)]
+pub(super) struct Gathered {
+    pub annual: Gather,
+    pub series_bandwidth: Option<usize>,
+    pub series_edges: bool,
 }
 
 /// A `[[material]]`, ready to scatter.

@@ -37,9 +37,6 @@ pub struct Gather {
     pub plane_tolerance_m: Option<f32>,
     /// Whether a disc ends where its surface ends and at walls that stand on it.
     pub edges: bool,
-    /// Bits of mantissa that a time series keeps, 1 to 23 (all): the relative error of a number
-    /// is at most `2^-(bits + 1)`. Fewer compress better. Maps are exact.
-    pub mantissa_bits: u32,
 }
 
 impl Default for Gather {
@@ -52,13 +49,9 @@ impl Default for Gather {
             normal_tolerance_deg: 60.0,
             plane_tolerance_m: Some(0.25),
             edges: true,
-            mantissa_bits: EXACT_BITS,
         }
     }
 }
-
-/// Bits of mantissa of an f32.
-pub const EXACT_BITS: u32 = 23;
 
 impl Gather {
     /// The bound on the search that holds for a store, m, after the settings were checked.
@@ -80,11 +73,6 @@ impl Gather {
                 "plane_tolerance_m is {}, expected 0.01 m or more",
                 self.plane_tolerance_m.unwrap_or_default()
             );
-            return Err(Error::Settings { what });
-        }
-        if !(1..=EXACT_BITS).contains(&self.mantissa_bits) {
-            let bits = self.mantissa_bits;
-            let what = format!("mantissa_bits is {bits}, expected 1 to {EXACT_BITS}");
             return Err(Error::Settings { what });
         }
         let radius = self.max_radius_m.unwrap_or_else(|| store.max_radius_m(self.bandwidth));
@@ -194,17 +182,6 @@ impl Fluxes {
     }
 }
 
-/// A number with fewer bits of mantissa, to the nearest, ties to even.
-pub(in crate::render) fn rounded(value: f32, mantissa_bits: u32) -> f32 {
-    let drop = EXACT_BITS.saturating_sub(mantissa_bits);
-    if drop == 0 || !value.is_finite() {
-        return value;
-    }
-    let bits = value.to_bits();
-    let half = (1 << (drop - 1)) - 1 + (bits >> drop & 1);
-    f32::from_bits((bits + half) >> drop << drop)
-}
-
 /// An integer under a kernel's weight.
 pub(in crate::render) fn weighed(integer: i64, kernel: f64) -> i64 {
     if kernel == 1.0 { integer } else { (integer as f64 * kernel).round_ties_even() as i64 }
@@ -294,27 +271,4 @@ pub fn annual(
     )?;
     progress.finish();
     Ok(result.into_inner().unwrap_or_else(std::sync::PoisonError::into_inner))
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn fewer_bits_err_by_no_more_than_is_said() {
-        for bits in [1, 7, 12, 22, 23] {
-            let mut worst = 0.0f64;
-            for i in 1..20_000u32 {
-                let exact = i as f32 * 0.37;
-                let found = rounded(exact, bits);
-                worst = worst.max((f64::from(found) / f64::from(exact) - 1.0).abs());
-                assert_eq!(found.to_bits() & ((1 << (EXACT_BITS - bits)) - 1), 0);
-            }
-            let most = libm::exp2(-f64::from(bits) - 1.0);
-            assert!(worst <= most, "{bits}: {worst}");
-            assert!(bits == 23 || worst > 0.5 * most, "{bits}: {worst}");
-        }
-        assert_eq!(rounded(0.0, 5).to_bits(), 0);
-        assert_eq!(rounded(f32::MAX, 5), f32::INFINITY);
-    }
 }

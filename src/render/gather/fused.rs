@@ -24,7 +24,7 @@ pub struct Fused<'a> {
     shared: Shared<'a>,
     fluxes: Fluxes,
     order: Order<'a>,
-    how: (Quantity, u32),
+    quantity: Quantity,
     tiles: Vec<(TileRect, Recorded)>,
     /// What is known of the series.
     pub series: Series,
@@ -56,7 +56,6 @@ impl<'a> Fused<'a> {
         let fluxes = Fluxes::of(store, 1.0);
         let order = Order::of(hits);
         let timesteps = store.info().timesteps;
-        let how = (quantity, settings.mantissa_bits);
         let empty = || Grid::filled(hits.columns, hits.rows, 0.0);
         let found = Mutex::new(Found {
             tiles: Vec::new(),
@@ -81,7 +80,7 @@ impl<'a> Fused<'a> {
                 let record = Some(&mut recorded);
                 let mut entries = vec![0u64; timesteps as usize];
                 shared.tile(&spots, scratch, &integers, record, |spot, mut found| {
-                    let made = tile_series.pixel(spot.pixel, &mut found, &fluxes, how);
+                    let made = tile_series.pixel(spot.pixel, &mut found, &fluxes, quantity);
                     let disc = &found.disc;
                     let index = order.index(tile, spot.pixel);
                     noise.push((index, made.photon_w_m2, disc.radius_m as f32));
@@ -121,7 +120,7 @@ impl<'a> Fused<'a> {
         found.tiles.sort_unstable_by_key(|(number, ..)| *number);
         let tiles = found.tiles.into_iter().map(|(_, tile, recorded)| (tile, recorded)).collect();
         let (series, entries) = (found.series, found.entries);
-        Ok(Self { store, shared, fluxes, order, how, tiles, series, entries })
+        Ok(Self { store, shared, fluxes, order, quantity, tiles, series, entries })
     }
 
     /// Renders some timesteps of all tiles. Tiles without receiving surfaces are left out.
@@ -135,7 +134,7 @@ impl<'a> Fused<'a> {
         progress: &dyn Progress,
     ) -> Result<(), Error> {
         let timesteps = timesteps.start..timesteps.end.min(self.store.info().timesteps);
-        let integers = |beam: Beam| self.fluxes.integers_of(self.how.0, beam);
+        let integers = |beam: Beam| self.fluxes.integers_of(self.quantity, beam);
         self.tiles.par_iter().try_for_each_init(
             || (Scratch::default(), TileSeries::new(timesteps.clone())),
             |(scratch, tile_series), (tile, recorded)| {
@@ -144,7 +143,7 @@ impl<'a> Fused<'a> {
                 let spots = self.order.spots(*tile);
                 let what = (recorded, &timesteps);
                 self.shared.again(&spots, scratch, &integers, what, |spot, mut found| {
-                    tile_series.pixel(spot.pixel, &mut found, &self.fluxes, self.how);
+                    tile_series.pixel(spot.pixel, &mut found, &self.fluxes, self.quantity);
                 })?;
                 sink.put(*tile, tile_series.sorted())?;
                 Ok::<(), Error>(())

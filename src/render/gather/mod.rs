@@ -13,7 +13,7 @@ pub(in crate::render) mod series;
 pub(in crate::render) mod share;
 pub(in crate::render) mod surfaces;
 
-pub use annual::{Annual, EXACT_BITS, Gather, annual};
+pub use annual::{Annual, Gather, annual};
 pub use confidence::{DECIDED, undecided};
 pub use estimate::{Estimate, Estimator, Kernel, MIN_COS, MIN_RADIUS_M, estimate};
 pub use fused::Fused;

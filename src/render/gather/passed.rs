@@ -5,7 +5,7 @@
 
 use std::ops::Range;
 
-use super::annual::{Annual, Fluxes, rounded};
+use super::annual::{Annual, Fluxes};
 use super::fixed::square;
 use super::series::TileSeries;
 use super::series::{Quantity, Series};
@@ -68,13 +68,8 @@ impl<'a> Passed<'a> {
     }
 
     /// A sink that adds the sensors in free air to the tiles that come to it.
-    pub fn series<'s>(
-        &'s self,
-        sink: &'s dyn TileSink,
-        quantity: Quantity,
-        mantissa_bits: u32,
-    ) -> PassedSeries<'s> {
-        PassedSeries { passed: self, sink, quantity, mantissa_bits }
+    pub fn series<'s>(&'s self, sink: &'s dyn TileSink, quantity: Quantity) -> PassedSeries<'s> {
+        PassedSeries { passed: self, sink, quantity }
     }
 
     /// Fills in what one photon stands for at the sensors in free air, and counts their photons.
@@ -85,8 +80,7 @@ impl<'a> Passed<'a> {
         let fluxes = Fluxes::of(self.store, 1.0);
         let mut made = TileSeries::new(0..self.store.info().timesteps);
         for (number, gate) in self.gates.iter().enumerate() {
-            let (photon_w_m2, photons, lit) =
-                self.one(number, 0, &fluxes, (quantity, super::annual::EXACT_BITS), &mut made)?;
+            let (photon_w_m2, photons, lit) = self.one(number, 0, &fluxes, quantity, &mut made)?;
             let at = self.sensors[number];
             series.photon_w_m2.data_mut()[at] = photon_w_m2;
             series.radius_m.data_mut()[at] = gate.radius_m as f32;
@@ -107,7 +101,7 @@ impl<'a> Passed<'a> {
         gate: usize,
         pixel: u16,
         fluxes: &Fluxes,
-        (quantity, mantissa_bits): (Quantity, u32),
+        quantity: Quantity,
         out: &mut TileSeries,
     ) -> Result<(f32, u64, usize), Error> {
         let scale = fluxes.scale(quantity);
@@ -126,7 +120,7 @@ impl<'a> Passed<'a> {
             photons += 1;
         })?;
         let area_m2 = area_m2(&self.gates[gate]);
-        let value = |sum| rounded((scale.value(sum) / area_m2) as f32, mantissa_bits);
+        let value = |sum| (scale.value(sum) / area_m2) as f32;
         let lit = out.end(pixel, value);
         let mean = scale.square_value(squares) / scale.value(sum).max(f64::MIN_POSITIVE);
         Ok(((mean / area_m2) as f32, photons, lit))
@@ -144,7 +138,6 @@ pub struct PassedSeries<'a> {
     passed: &'a Passed<'a>,
     sink: &'a dyn TileSink,
     quantity: Quantity,
-    mantissa_bits: u32,
 }
 
 impl TileSink for PassedSeries<'_> {
@@ -158,9 +151,8 @@ impl TileSink for PassedSeries<'_> {
         let mut made = TileSeries::new(0..passed.store.info().timesteps);
         for gate in passed.between(tile.column..tile.column + tile.columns) {
             let pixel = (passed.sensors[gate] - tile.column) as u16;
-            let how = (self.quantity, self.mantissa_bits);
             passed
-                .one(gate, pixel, &fluxes, how, &mut made)
+                .one(gate, pixel, &fluxes, self.quantity, &mut made)
                 .map_err(|e| SinkError::Io(std::io::Error::other(e)))?;
         }
         let mut all = [entries, made.sorted()].concat();

@@ -4,7 +4,7 @@ use std::sync::Mutex;
 use rayon::prelude::*;
 
 use super::annual::Gather;
-use super::annual::{Fluxes, rounded, weighed};
+use super::annual::{Fluxes, weighed};
 use super::candidates::Change;
 use super::fixed::square;
 use super::loaded::Light;
@@ -173,7 +173,7 @@ impl TileSeries {
         pixel: u16,
         found: &mut Found<'_>,
         fluxes: &Fluxes,
-        (quantity, mantissa_bits): (Quantity, u32),
+        quantity: Quantity,
     ) -> PixelSeries {
         let scale = fluxes.scale(quantity);
         let of = |light: &Light| match quantity {
@@ -186,7 +186,7 @@ impl TileSeries {
             Change::Out(light) => self.remove(light.timestep, of(light)),
         });
         let area_m2 = found.disc.area_m2;
-        let value = |sum| rounded((scale.value(sum) / area_m2) as f32, mantissa_bits);
+        let value = |sum| (scale.value(sum) / area_m2) as f32;
         let lit = self.end(pixel, value);
         let mean = scale.square_value(self.squares) / scale.value(self.sum).max(f64::MIN_POSITIVE);
         PixelSeries { photons: self.photons, lit, photon_w_m2: (mean / area_m2) as f32 }
@@ -276,7 +276,6 @@ pub fn series(
     });
     progress.begin("time series", (hits.columns * hits.rows) as u64, "pixels");
     let integers = |beam: Beam| fluxes.integers_of(quantity, beam);
-    let how = (quantity, settings.mantissa_bits);
     order.tiles().par_iter().try_for_each_init(
         || (Scratch::default(), TileSeries::new(0..store.info().timesteps), Vec::new()),
         |(scratch, tile_series, noise), &tile| {
@@ -300,7 +299,7 @@ pub fn series(
             }
             let mut notes = vec![0.0; 2 * tile.pixels()];
             shared.tile(&spots, scratch, &integers, None, |spot, mut found| {
-                let made = tile_series.pixel(spot.pixel, &mut found, &fluxes, how);
+                let made = tile_series.pixel(spot.pixel, &mut found, &fluxes, quantity);
                 let disc = &found.disc;
                 let radius_m = disc.radius_m as f32;
                 noise.push((order.index(tile, spot.pixel), made.photon_w_m2, radius_m));

@@ -17,7 +17,7 @@ use crate::render::{
 };
 use crate::run::error::Error;
 use crate::run::job::{Job, Stage};
-use crate::volume::TimeAxis;
+use crate::volume::{Rounded, TimeAxis};
 
 /// Integrates a view; `sight` is kept from one to the next. The sums of the year wait, tile by
 /// tile, beside the series until all tiles are there: so an interrupted run needs no tile twice.
@@ -94,9 +94,12 @@ fn written(
         |quantity| Ok::<_, Error>((quantity, series_files::writer(job, of, quantity, hits)?));
     let asked = writer(job.resolved.quantity)?;
     let other = series_files::other(job, of).map(writer).transpose()?;
+    let rounded = |writer| Rounded::new(writer, of.view.mantissa_bits);
+    let series = rounded(&asked.1);
+    let others = other.as_ref().map(|(quantity, writer)| (*quantity, rounded(writer)));
     let sinks = DirectSinks {
-        series: (asked.0, &asked.1),
-        other: other.as_ref().map(|(quantity, to)| (*quantity, to as &dyn TileSink)),
+        series: (asked.0, &series),
+        other: others.as_ref().map(|(quantity, sink)| (*quantity, sink as &dyn TileSink)),
         keep,
     };
     let summary = render::direct_series(direct, hits, sinks, job.progress)?;

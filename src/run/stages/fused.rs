@@ -17,7 +17,7 @@ use crate::receivers::clock::Clock;
 use crate::render::{Fused, FusedDirect, HitMap, undecided};
 use crate::run::error::Error;
 use crate::run::job::Job;
-use crate::volume::{TimeAxis, segments_from_numbers};
+use crate::volume::{Rounded, TimeAxis, segments_from_numbers};
 
 /// Bytes of a batch for each number in it: in the batch, and while its tiles are put in order.
 const ENTRY_BYTES: u64 = 16;
@@ -125,9 +125,9 @@ pub(super) fn analyse<'a, B: Batches>(
         let of = (axis, Some(&clock_h[..]));
         years.push(YearTiles::new(of, [hits.rows, hits.columns], threshold, spill)?);
     }
-    let whole = (!years.is_empty()).then_some(All(&years));
-    let whole = whole.as_ref().map(|all| all as &dyn TileSink);
-    let rendered = prepare(whole)?;
+    let all = All(&years);
+    let whole = Rounded::new(&all, view.mantissa_bits);
+    let rendered = prepare((!years.is_empty()).then_some(&whole as &dyn TileSink))?;
     let no_noise = Grid::filled(hits.columns, hits.rows, 0.0);
     let photon_w_m2 = rendered.photon_w_m2().unwrap_or(&no_noise);
     let shape = [timeline.steps.len(), hits.rows, hits.columns];
@@ -159,7 +159,8 @@ pub(super) fn analyse<'a, B: Batches>(
         let range = segments[batch.start].start..segments[batch.end - 1].end;
         let tiles = TileBatch::new(shape, range.clone());
         progress.begin("batch of the year", range.len() as u64, "timesteps");
-        rendered.batch(range.start as u32..range.end as u32, &tiles, progress)?;
+        let rounded = Rounded::new(&tiles, view.mantissa_bits);
+        rendered.batch(range.start as u32..range.end as u32, &rounded, progress)?;
         each_slice(&tiles, range, progress, |timestep, slice| {
             for (peak, &value) in peak.data_mut().iter_mut().zip(slice) {
                 *peak = peak.max(value);
@@ -219,13 +220,12 @@ pub(super) fn record(
     analyses: Vec<Analysed<'_>>,
     began: Instant,
 ) -> Result<(), Error> {
-    let render_key = job.resolved.render_key(candidate, view)?;
     let dark = TileBatch::new([axis.day.len(), 1, 1], 0..0);
     let grid = Regular::of(&dark, axis, &segments_from_numbers(&axis.segment))?;
     let even = grid.as_ref().map(|grid| grid.axis(axis));
     let counted = even.as_ref().unwrap_or(axis);
     for Analysed { threshold, analysis, bounds, year } in analyses {
-        let key = job.resolved.glare_key(&render_key, threshold)?;
+        let key = job.resolved.glare_key(candidate, view, threshold)?;
         let unit = format!("glare {} {} {threshold}", candidate.name, view.name);
         let of = Subject { candidate, view, key: &key };
         let axis_of = Some(counted);

@@ -21,9 +21,8 @@ pub(in crate::run) fn glare(job: &mut Job<'_>) -> Result<(), Error> {
     let resolved = job.resolved;
     for candidate in &resolved.candidates {
         for view in resolved.with_sensors() {
-            let render_key = resolved.render_key(candidate, view)?;
             for &threshold in &resolved.project.glare.thresholds_w_m2 {
-                let key = resolved.glare_key(&render_key, threshold)?;
+                let key = resolved.glare_key(candidate, view, threshold)?;
                 let unit = format!("glare {} {} {threshold}", candidate.name, view.name);
                 if job.summary.made.contains(&unit) {
                     // A fused view: analysed as rendered, just now.

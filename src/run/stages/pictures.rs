@@ -71,11 +71,10 @@ pub(in crate::run) fn key(resolved: &Resolved) -> Result<String, Error> {
     let mut parts = Vec::new();
     for candidate in &resolved.candidates {
         for view in &resolved.views {
-            let render = resolved.render_key(candidate, view)?;
             for &threshold in &resolved.project.glare.thresholds_w_m2 {
-                parts.push(resolved.glare_key(&render, threshold)?);
+                parts.push(resolved.glare_key(candidate, view, threshold)?);
             }
-            parts.push(render);
+            parts.push(resolved.render_key(candidate, view)?);
         }
         for set in &resolved.sensors {
             parts.push(resolved.received_key(candidate, set)?);

@@ -16,7 +16,7 @@ use crate::render::{self, Fused, Gather, HitMap, Passed, Quantity, Series, Surfa
 use crate::run::cpu::Watch;
 use crate::run::error::Error;
 use crate::run::job::{Job, Stage};
-use crate::volume::TimeAxis;
+use crate::volume::{Rounded, TimeAxis};
 
 /// Suns that light the background picture: enough for soft shadows of a year.
 const BACKGROUND_SUNS: usize = 24;
@@ -220,8 +220,9 @@ fn one_series(
     let series = series_files::series_of(job, quantity);
     let notes = job.folder.tile_notes(&of.candidate.name, &of.view.name, series);
     let path = job.folder.prepare(&notes)?;
-    let noted = TileNotes::open(&writer, &path, of.key, hits.columns)?;
-    let with_air = air.as_ref().map(|a| a.series(&noted, quantity, gather.mantissa_bits));
+    let rounded = Rounded::new(&writer, of.view.mantissa_bits);
+    let noted = TileNotes::open(&rounded, &path, of.key, hits.columns)?;
+    let with_air = air.as_ref().map(|a| a.series(&noted, quantity));
     let sink: &dyn TileSink = match &with_air {
         Some(sink) => sink,
         None => &noted,

@@ -8,10 +8,10 @@ use super::files::Subject;
 use crate::base::{Grid, Provenance};
 use crate::picture::hdr;
 use crate::project::{Map, SeriesOf};
-use crate::render::{self, HitMap, Quantity};
+use crate::render::{HitMap, Quantity};
 use crate::run::error::Error;
 use crate::run::job::Job;
-use crate::volume::{self, Volume, Writer};
+use crate::volume::{self, Rounded, Volume, Writer};
 
 /// The irradiance whose series a view keeps beside that which the project asks for.
 pub(super) fn other(job: &Job<'_>, of: Subject<'_>) -> Option<Quantity> {
@@ -42,8 +42,7 @@ pub(super) fn writer(
     let name = name(job, of, quantity);
     let path = job.folder.prepare(&name)?;
     let mut provenance = job.provenance(of.key, &of.about());
-    if of.view.annual.mantissa_bits < render::EXACT_BITS {
-        let most = format!("2^-{}", of.view.annual.mantissa_bits + 1);
+    if let Some(most) = Rounded::largest_relative_error(of.view.mantissa_bits) {
         provenance.about.insert("largest_relative_error".to_owned(), most);
     }
     let (columns, rows) = (hits.columns, hits.rows);

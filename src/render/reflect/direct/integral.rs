@@ -396,8 +396,10 @@ impl Integral<'_> {
         } else {
             self.points_of(seen, if jumps { SEVEN } else { way });
             let Scratch { points, sums, middle, .. } = &mut *self.scratch;
+            // No point of the cell faces the spot: nothing arrives.
+            let Some(first) = points.first() else { return };
             self.kernel.add_all(points, suns, list, sums);
-            if let (true, Some(first)) = (jumps, points.first()) {
+            if jumps {
                 // The middle alone tells how far values jump.
                 let worth = |of: fn(&Point) -> f64| points.iter().map(of).sum::<f64>();
                 let [surface, normal] = [worth(|p| p.surface), worth(|p| p.normal)];

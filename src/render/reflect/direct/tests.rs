@@ -11,7 +11,7 @@ use super::year::DirectYear;
 use crate::base::{
     Frame, SeriesEntry, Silent, SinkError, SpectralBasis, TileRect, TileSink, Timeline, Timestep,
 };
-use crate::bsdf::{Bsdf, Model};
+use crate::bsdf::{Bsdf, BsdfFile, Model, Side};
 use crate::render::gather::series::Quantity;
 use crate::render::view::hits::{Hit, HitKind, HitMap};
 use crate::site::{Crowns, Face, Material, Object, PvSurface, Season, Site, Triangle};
@@ -185,6 +185,35 @@ fn a_glossy_plane_is_what_fine_quadrature_gives() {
             assert!(miss.abs() < 1e-3, "alpha {alpha}, sun {i}: {found} {expected}");
             assert!(miss.abs() < bound + 3e-4, "beyond its bound");
         }
+    }
+}
+
+/// A file that scatters evenly.
+fn measured(per_sr: f64) -> Bsdf {
+    let text = format!(
+        "<WindowElement><Optical><Layer><DataDefinition><IncidentDataStructure>TensorTree4</IncidentDataStructure></DataDefinition><WavelengthData><Wavelength>Visible</Wavelength><WavelengthDataBlock><WavelengthDataDirection>Reflection Back</WavelengthDataDirection><AngleBasis>LBNL/Shirley-Chiu</AngleBasis><ScatteringData>{{{per_sr}}}</ScatteringData></WavelengthDataBlock></WavelengthData></Layer></Optical></WindowElement>"
+    );
+    let file = BsdfFile::parse(&text, "test.xml").expect("a good file");
+    Bsdf::Measured(file.reflection(Side::Front, None).expect("has it"))
+}
+
+/// A receiver's own plane cuts through the PV: where a part of a cell is seen whose middle lies
+/// behind that plane, no point of the cell stands for it.
+#[test]
+fn a_measured_plane_is_seen_by_a_receiver_that_stands_on_its_edge() {
+    let site = site(&[flat(5.0)]);
+    let (file, even) = (measured(0.1), model(&Model::Lambertian { reflectance: 0.1 * PI }));
+    let timeline = timeline(&[DVec3::new(-0.5, 0.3, 0.8)], 0.533);
+    for (i, height_m) in [0.3, 2.0, 12.0].into_iter().cycle().take(60).enumerate() {
+        let at = DVec3::new(-5.0 + 0.17 * i as f64, 0.2, height_m);
+        let [file, even] = [&file, &even].map(|b| year(&site, &timeline, b, at, DVec3::X));
+        let (found, expected) = (file.surface_w_m2[0], even.surface_w_m2[0]);
+        let bound = file.error_w_m2[0] + even.error_w_m2[0];
+        println!("{at}: {found:.5} W/m2, expected {expected:.5}, bound {bound:.1e}");
+        assert!((expected > 0.0) == (at.x < 5.0));
+        assert!((found - expected).abs() <= bound, "{at}: {found} {expected} {bound}");
+        // Close to the far edge all that is seen is a border.
+        assert!((found - expected).abs() <= 1e-3 * expected || at.x > 4.5, "{at}");
     }
 }
 

@@ -18,14 +18,13 @@ mod shard;
 mod tables;
 mod view_tables;
 
-pub use artifacts::{GlareMap, Map, SeriesOf};
+pub use artifacts::{GlareMap, MOMENTS, Map, RECEIVERS, SeriesOf};
 pub use create::{Demo, NewScene, Quality, SiteAt, create, demo};
 pub use error::Error;
 pub use folder::Folder;
 pub use manifest::{Manifest, Unit, hash_path, key_of};
 pub use resolve::{
-    Camera, Candidate, DRAFT_BELOW_PHOTONS, MOMENTS, Made, PlannedMoment, PlannedView, Points,
-    RECEIVERS, Resolved,
+    Camera, Candidate, DRAFT_BELOW_PHOTONS, Made, PlannedMoment, PlannedView, Points, Resolved,
 };
 pub use results::Results;
 pub use set::Assignment;

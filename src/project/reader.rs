@@ -12,9 +12,9 @@ use std::{fs, io};
 
 use glam::DVec3;
 
+use super::artifacts::{MOMENTS, RECEIVERS};
 use super::error::Error;
 use super::manifest::hash_path;
-use super::resolve::{MOMENTS, RECEIVERS};
 use super::tables::{DayEntry, FileEntry, HorizonEntry, HoursTable, OriginEntry, Project, PvTable};
 use crate::base::limits;
 use crate::site::{Files, Origin, PvArray, PvSpec, SceneFile, SceneSpec, Season};

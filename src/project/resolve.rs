@@ -134,10 +134,6 @@ pub enum Points {
 
 /// Points of a region, about, before it is looked up in the scene.
 const POINTS_OF_A_REGION: usize = 500;
-/// The set of all observers and regions.
-pub const RECEIVERS: &str = "receivers";
-/// The folder of the pictures of luminances.
-pub const MOMENTS: &str = "moments";
 
 /// A project, checked, with all defaults filled in.
 #[derive(Clone, Debug)]

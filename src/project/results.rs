@@ -1,7 +1,8 @@
 //! What a run has made so far, for those who only read it: receivers and the report.
 
+use super::artifacts::RECEIVERS;
 use super::folder::Folder;
-use super::resolve::{PlannedView, RECEIVERS, Resolved};
+use super::resolve::{PlannedView, Resolved};
 use crate::base::Timeline;
 use crate::rules::Class;
 

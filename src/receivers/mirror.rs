@@ -337,6 +337,23 @@ pub fn date(year: i32, day: u32) -> String {
     format!("{month:02}-{day:02}")
 }
 
+/// Sunrise and sunset of each day of the year on a flat horizon, h, to some minutes; none where
+/// the sun stays down.
+pub fn daylight_h(resolved: &Resolved) -> Vec<[Option<f64>; 2]> {
+    const PER_HOUR: u32 = 20;
+    let hour = |i: u32| f64::from(i) / f64::from(PER_HOUR);
+    let times = &resolved.times;
+    let of_day = |day| {
+        let up = |i: &u32| {
+            sky::sun_direction(&resolved.place, times.sun, times.year, day, hour(*i)).z > 0.0
+        };
+        let first = (0..24 * PER_HOUR).find(up);
+        let last = (0..24 * PER_HOUR).rev().find(up);
+        [first.map(hour), last.map(hour)]
+    };
+    (0..sky::days_in_year(times.year)).map(of_day).collect()
+}
+
 /// A region: its points, on their surface or (a plot at some height) in the air.
 fn region(
     spreader: &Spreader<'_>,

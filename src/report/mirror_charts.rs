@@ -8,8 +8,7 @@ use crate::picture::Chart;
 use crate::picture::chart::{Axis, Cell, SURFACES, Swatch};
 use crate::picture::figure::Polyline;
 use crate::project::Resolved;
-use crate::receivers::mirror::{Mirrored, MirroredAt, NOTE, date};
-use crate::sky;
+use crate::receivers::mirror::{Mirrored, MirroredAt, NOTE, date, daylight_h};
 
 fn quoted(text: &str) -> String {
     format!("\"{}\"", text.replace('"', "\"\""))
@@ -98,17 +97,18 @@ impl Mirrored {
             None => "on any of its points".to_owned(),
         };
         let zone = resolved.place.meridian_deg / 15.0;
+        let daylight = daylight_h(resolved);
         Chart {
             title: at.name.clone(),
             subtitle: format!(
                 "Mirrored sun {}: {:.1} h a year, at most {} min a day ({})",
                 where_, at.year.hours, at.year.most_minutes, self.rule
             ),
-            x: Axis::days_of_year(sky::days_in_year(a.year) == 366),
+            x: Axis::days_of_year(daylight.len() == 366),
             y: Axis::clock(0.0, 24.0, format!("local standard time (UTC{zone:+})")),
             ground: [255, 255, 255],
             cells,
-            lines: daylight(resolved, sky::days_in_year(a.year)),
+            lines: daylight_lines(&daylight),
             key,
             caption: vec![format!(
                 "{NOTE}. Sun and reflection at least {} degrees apart; steps of {} s; {} suns of {}. Grey: sunrise and sunset on a flat horizon.",
@@ -133,9 +133,10 @@ impl Mirrored {
         let all: Vec<&MirroredAt> = self.all().collect();
         for (i, at) in all.iter().enumerate() {
             let stem = path.file_stem().unwrap_or_default().to_string_lossy();
+            let end = path.extension().unwrap_or("png".as_ref()).to_string_lossy();
             let path = match all.len() {
                 1 => path.to_owned(),
-                _ => path.with_file_name(format!("{stem}-{}.png", i + 1)),
+                _ => path.with_file_name(format!("{stem}-{}.{end}", i + 1)),
             };
             self.chart(resolved, at).write_png(&path, &texts)?;
         }
@@ -143,23 +144,15 @@ impl Mirrored {
     }
 }
 
-/// Sunrise and sunset of each day, h, to some minutes.
-fn daylight(resolved: &Resolved, days: u32) -> Vec<Polyline> {
-    const PER_HOUR: u32 = 20;
+/// Sunrise and sunset of each day.
+fn daylight_lines(daylight: &[[Option<f64>; 2]]) -> Vec<Polyline> {
     const GREY: [u8; 3] = [150, 150, 150];
-    let mut out = [Vec::new(), Vec::new()];
-    for day in 0..days {
-        let hour = |i: u32| f64::from(i) / f64::from(PER_HOUR);
-        let up = |i: &u32| {
-            let t = &resolved.times;
-            sky::sun_direction(&resolved.place, t.sun, t.year, day, hour(*i)).z > 0.0
+    let line = |which: usize| {
+        let at = |(day, hours): (usize, &[Option<f64>; 2])| {
+            [day as f64 + 0.5, hours[which].unwrap_or(f64::NAN)]
         };
-        let first = (0..24 * PER_HOUR).find(up);
-        let last = (0..24 * PER_HOUR).rev().find(up);
-        for (line, at) in out.iter_mut().zip([first, last]) {
-            line.push([f64::from(day) + 0.5, at.map_or(f64::NAN, hour)]);
-        }
-    }
-    let line = |points| Polyline { points, color: GREY, width: 0.8, label: String::new() };
-    out.map(line).into()
+        let points = daylight.iter().enumerate().map(at).collect();
+        Polyline { points, color: GREY, width: 0.8, label: String::new() }
+    };
+    vec![line(0), line(1)]
 }

@@ -10,10 +10,9 @@ use rayon::prelude::*;
 use serde::Serialize;
 use serde_json::json;
 
-use super::glare_files::Found;
-use super::render::telling_store;
+use super::stores::telling_store;
 use crate::base::table::{Table, fixed};
-use crate::glare::{Event, EventRow, EventTimes, Events, Regular};
+use crate::glare::{Analysis, Event, EventRow, EventTimes, Events, HourBounds, Regular};
 use crate::pages::{Neighbours, Query, Store};
 use crate::project::{Candidate, PlannedView};
 use crate::receivers::clock::Clock;
@@ -31,6 +30,16 @@ const ASKED_PHOTONS: usize = 2000;
 
 /// The PV surface that sends most of an event, and its share; `None` where no photon tells.
 type Sender = Option<(u16, f32)>;
+
+/// What an analysis gives.
+pub(super) struct Found<'a> {
+    pub analysis: &'a Analysis,
+    /// Of the timesteps that it counts.
+    pub axis: Option<&'a TimeAxis>,
+    /// What put them onto a regular grid, if they weren't on one.
+    pub grid: Option<&'a Regular<'a>>,
+    pub bounds: &'a HourBounds,
+}
 
 /// Writes `events.csv` and `events.geojson`; their names below `run/`.
 pub(super) fn write(

@@ -5,8 +5,9 @@ use std::time::Instant;
 
 use serde_json::json;
 
+use super::events::Found;
 use super::files::Subject;
-use super::glare_files::{self, Found};
+use super::glare_files;
 use crate::base::{Grid, Progress, SeriesEntry, SinkError, TileRect, TileSink, limits};
 use crate::glare::{
     self, Analysis, Calendar, HourBounds, HourCounter, Plan, Regular, Session, Slices, TileBatch,

@@ -4,9 +4,9 @@ use std::time::Instant;
 
 use serde_json::json;
 
+use super::events::Found;
 use super::files::Subject;
-use super::glare_files::{self, Found};
-use super::{direct, fused, render};
+use super::{direct, fused, glare_files, render};
 use crate::base::Grid;
 use crate::glare::{self, HourBounds, HourCounter, Regular, Slices, YearRows, each_slice};
 use crate::project::{Candidate, Map, PlannedView};

@@ -6,25 +6,15 @@ use std::path::PathBuf;
 
 use glintmap_formats::npy;
 
-use super::events;
+use super::events::{self, Found};
 use super::files::{Attributes, Subject};
 use crate::base::Grid;
-use crate::glare::{self, Analysis, HourBounds, Regular, YearMap, YearRows};
+use crate::glare::{self, Analysis, YearMap, YearRows};
 use crate::project::{GlareMap, Map};
 use crate::receivers::clock::Clock;
 use crate::run::error::Error;
 use crate::run::job::Job;
 use crate::volume::TimeAxis;
-
-/// What an analysis gives.
-pub(super) struct Found<'a> {
-    pub analysis: &'a Analysis,
-    /// Of the timesteps that it counts.
-    pub axis: Option<&'a TimeAxis>,
-    /// What put them onto a regular grid, if they weren't on one.
-    pub grid: Option<&'a Regular<'a>>,
-    pub bounds: &'a HourBounds,
-}
 
 /// Writes what an analysis found; the names of the files.
 pub(super) fn write(

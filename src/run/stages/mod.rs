@@ -16,6 +16,7 @@ mod receivers;
 mod render;
 mod report;
 mod series_files;
+mod stores;
 mod suns;
 mod tile_notes;
 

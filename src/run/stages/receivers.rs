@@ -5,7 +5,7 @@ use std::time::Instant;
 
 use serde_json::json;
 
-use super::render::{series_bandwidth, telling_store};
+use super::stores::{series_bandwidth, telling_store};
 use crate::base::Grid;
 use crate::base::table::Table;
 use crate::pages::Store;

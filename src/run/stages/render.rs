@@ -6,10 +6,11 @@ use std::time::Instant;
 use serde_json::{Value, json};
 
 use super::files::Subject;
+use super::stores::{open_store, series_bandwidth};
 use super::tile_notes::TileNotes;
 use super::{crossings, direct, fused, series_files};
 use crate::base::TileSink;
-use crate::pages::{Access, OpenOptions, Store};
+use crate::pages::Store;
 use crate::picture::{self, exr};
 use crate::project::{Candidate, Map, PlannedView, key_of};
 use crate::render::{self, Fused, Gather, HitMap, Passed, Quantity, Series, Surfaces};
@@ -287,24 +288,6 @@ fn analysed<'a, 's>(
         let to = (job.resolved.quantity, whole);
         Ok(Fused::prepare(store, surfaces, hits, gather, to, job.progress)?)
     })
-}
-
-fn open_store(job: &Job<'_>, candidate: &Candidate) -> Result<Store, Error> {
-    let path = job.folder.at(&job.folder.store(&candidate.name));
-    let options = OpenOptions { cache_bytes: job.options.page_cache_bytes, access: Access::Mapped };
-    Ok(Store::open(&path, &options)?)
-}
-
-/// The photons that tell which PV surface sends; `None` where nothing is made of photons (a store
-/// that still lies there is left over from other settings).
-pub(super) fn telling_store(job: &Job<'_>, candidate: &Candidate) -> Result<Option<Store>, Error> {
-    job.resolved.needs_photons().then(|| open_store(job, candidate)).transpose()
-}
-
-/// How many photons the series of a view is gathered from at a pixel.
-pub(super) fn series_bandwidth(job: &Job<'_>, view: &PlannedView) -> Result<usize, Error> {
-    let steps = job.timeline()?.steps.len();
-    Ok(view.series_bandwidth.unwrap_or_else(|| (3 * steps).max(4000)))
 }
 
 /// How the series of a view is gathered.

@@ -6,6 +6,7 @@
 #![warn(missing_docs)]
 
 pub mod checksum;
+pub mod fault;
 pub mod gmp;
 pub mod header;
 pub mod hits;

@@ -5,6 +5,8 @@ use std::fs::{self, File};
 use std::io::{self, BufWriter, Write};
 use std::path::{Path, PathBuf};
 
+use crate::fault;
+
 /// Where a file grows before it is sealed: the name with `.tmp` behind it.
 pub fn growing(path: &Path) -> PathBuf {
     let mut name = path.as_os_str().to_owned();
@@ -17,8 +19,10 @@ pub fn growing(path: &Path) -> PathBuf {
 /// # Errors
 /// Whatever the file system says; the file under the final name, if any, is then unchanged.
 pub fn seal(file: &File, growing: &Path, path: &Path) -> io::Result<()> {
+    fault::step(path);
     file.sync_all()?;
     fs::rename(growing, path)?;
+    fault::step(path);
     let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
     File::open(folder)?.sync_all()
 }
@@ -35,6 +39,7 @@ pub fn write<E: From<io::Error>>(
     let tmp = growing(path);
     let result = (|| {
         let mut out = BufWriter::with_capacity(1 << 18, File::create(&tmp)?);
+        fault::step(path);
         fill(&mut out)?;
         out.flush()?;
         seal(out.get_ref(), &tmp, path)?;

@@ -10,10 +10,10 @@ pub enum Purpose {
     Picture = 3,
     /// Samples taken to measure a photon store or a scene.
     Survey = 4,
-    /// The photons that cross gates in free air.
-    Gate = 5,
+    /// The photons that cross virtual sensors in free air.
+    Sensor = 5,
     /// Their pilot.
-    GatePilot = 6,
+    SensorPilot = 6,
 }
 
 /// A counter-based stream of random numbers: Philox 4x32-10 (Salmon et al. 2011, "Parallel random

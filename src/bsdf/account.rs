@@ -6,8 +6,8 @@ use serde_json::{Value, json};
 
 use super::survey::from_angle;
 use super::{
-    ANGLES_DEG, Block, Bsdf, BsdfFile, Goniophotometer, Lobe, Preset, Reciprocity, Side, Source,
-    Spectrum, Surface, Table, on_hemisphere,
+    ANGLES_DEG, Block, Bsdf, BsdfFile, Goniophotometer, Interpolation, Lobe, Preset, Reciprocity,
+    Side, Source, Spectrum, Table, on_hemisphere,
 };
 
 /// A source told: as text and as JSON.
@@ -181,7 +181,7 @@ impl Account {
         out
     }
 
-    fn of_points(data: &Goniophotometer, surface: &Surface) -> Self {
+    fn of_points(data: &Goniophotometer, surface: &Interpolation) -> Self {
         let mut out = Self::default();
         let reach = surface.reach();
         let count: usize = data.incidents.iter().map(|i| i.points.len()).sum();
@@ -231,7 +231,7 @@ impl Account {
 }
 
 /// Share of the light that the points reflect, by a midpoint rule.
-fn hemispherical(surface: &Surface, angle_deg: f64, azimuth_deg: f64) -> f64 {
+fn hemispherical(surface: &Interpolation, angle_deg: f64, azimuth_deg: f64) -> f64 {
     const EDGE: u32 = 96;
     let from = from_angle(angle_deg, azimuth_deg.rem_euclid(360.0) / 360.0);
     let sum: f64 = (0..EDGE * EDGE)

@@ -1,10 +1,8 @@
-//! What a file's elements hold, and what follows from it.
+//! The text of an XML element, without its comments.
 
 use std::borrow::Cow;
 
 use roxmltree::Node;
-
-use super::file::{Block, Spectrum, Table, Way};
 
 /// An element's text without its comments, and where its pieces stand in the file.
 pub(super) struct Content<'a> {
@@ -34,38 +32,5 @@ impl<'a> Content<'a> {
         let after = self.pieces.partition_point(|p| p.0 <= at).max(1);
         let (begins, stands) = self.pieces[after - 1];
         stands + at - begins
-    }
-}
-
-/// Adds the transmission that a file leaves out: light may go either way, so that the one from
-/// the front also tells the one from the back (as Radiance has it).
-pub(super) fn fill_in(blocks: &mut Vec<Block>, notes: &mut Vec<String>) {
-    for spectrum in [Spectrum::Visible, Spectrum::Solar] {
-        for (have, lack) in [
-            (Way::TransmissionFront, Way::TransmissionBack),
-            (Way::TransmissionBack, Way::TransmissionFront),
-        ] {
-            let find = |way| blocks.iter().find(|b| b.spectrum == spectrum && b.way == way);
-            let (Some(block), None) = (find(have), find(lack)) else { continue };
-            let Table::Matrix(matrix) = &*block.table else {
-                notes.push(format!(
-                    "{spectrum:?} {} isn't there; by reciprocity it is {} read backwards",
-                    lack.name(),
-                    have.name()
-                ));
-                continue;
-            };
-            let matrix = matrix.backwards();
-            let most_scattered =
-                (0..matrix.incident.len()).map(|i| matrix.total(i)).fold(0.0, f64::max);
-            notes.push(format!(
-                "{spectrum:?} {} was taken from {} by reciprocity",
-                lack.name(),
-                have.name()
-            ));
-            let table = std::sync::Arc::new(Table::Matrix(matrix));
-            let way = lack;
-            blocks.push(Block { spectrum, way, table, most_scattered, reciprocal: true });
-        }
     }
 }

@@ -4,13 +4,13 @@ use std::f64::consts::FRAC_1_PI;
 
 use glam::DVec3;
 
-use super::chart::{Chart, Square};
 use super::circle::on_hemisphere;
 use super::cone::Cone;
 use super::curve::Curve;
 use super::ggx::Ggx;
 use super::interface::{Coating, Interface};
 use super::rough;
+use super::square::{Chart, Square};
 use crate::base::Stream;
 
 /// `f = D(h) G2(i, o) R(i.h) / (4 cos_i cos_o) + k a(i) a(o) / pi`: GGX facets of any interface

@@ -1,8 +1,18 @@
+//! BSDF files as WINDOW and Radiance write them: XML with Klems matrices or tensor trees.
+//!
+//! The format has no specification beyond LBNL's examples and what Radiance's `bsdf.c` accepts, so
+//! files differ: text before the XML, bases defined in the file under LBNL's names, comments within
+//! the numbers, a transmission that is only given one way. The reader takes what Radiance takes,
+//! says in [`BsdfFile::notes`] what it mended, and refuses the rest with the line, the element,
+//! what was expected and what was found. All counts are claims and are bounded before they size
+//! anything.
+
 use std::path::Path;
 
 use roxmltree::{Document, Node, ParsingOptions};
 
-use super::content::{Content, fill_in};
+use super::block::{Block, Side, Spectrum, Table, Way, fill_in};
+use super::content::Content;
 use super::klems::{KlemsBasis, Matrix, Ring};
 use super::numbers::{self, Wrong};
 use super::tree::Tree;
@@ -15,82 +25,6 @@ const MOST_NODES: u32 = 100_000;
 /// Rings of a basis that a file defines, and patches of it.
 const MOST_RINGS: usize = 90;
 const MOST_PATCHES: usize = 4096;
-
-/// Which light a block is about.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
-#[serde(rename_all = "lowercase")]
-pub enum Spectrum {
-    /// What eyes see of it.
-    Visible,
-    /// The whole solar spectrum.
-    Solar,
-}
-
-/// Which side of the sample is PV. The names of blocks are WINDOW's, whose front is the exterior;
-/// Radiance calls the interior front (the side that a surface's normal points to).
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
-#[serde(rename_all = "lowercase")]
-pub enum Side {
-    /// Radiance's front: `Reflection Back`, "interior" in checkBSDF. What a PV surface shows
-    /// whose Radiance material is this file, and what genBSDF, bsdf2ttree and pabopto2bsdf write
-    /// for samples measured from above.
-    #[default]
-    Front,
-    /// Radiance's back: `Reflection Front`, "exterior" in checkBSDF; WINDOW's outward side.
-    Back,
-}
-
-/// Which way light goes in a block, in WINDOW's words.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum Way {
-    /// From the exterior to the interior.
-    TransmissionFront,
-    /// From the interior to the exterior.
-    TransmissionBack,
-    /// Reflected by the exterior side.
-    ReflectionFront,
-    /// Reflected by the interior side, Radiance's front.
-    ReflectionBack,
-}
-
-impl Way {
-    const ALL: [(Self, &str); 4] = [
-        (Self::TransmissionFront, "Transmission Front"),
-        (Self::TransmissionBack, "Transmission Back"),
-        (Self::ReflectionFront, "Reflection Front"),
-        (Self::ReflectionBack, "Reflection Back"),
-    ];
-
-    /// As files call it.
-    pub fn name(self) -> &'static str {
-        Self::ALL.iter().find(|w| w.0 == self).map_or("", |w| w.1)
-    }
-}
-
-/// How a block's values are laid out.
-#[derive(Clone, Debug, PartialEq)]
-pub enum Table {
-    /// Patches to patches.
-    Matrix(Matrix),
-    /// A tensor tree.
-    Tree(Tree),
-}
-
-/// One block of a file.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Block {
-    /// Which light.
-    pub spectrum: Spectrum,
-    /// Which way.
-    pub way: Way,
-    /// The values, ready to evaluate and to sample.
-    pub table: std::sync::Arc<Table>,
-    /// Largest share of light that the file's values scatter, before it was cut to 1.
-    pub most_scattered: f64,
-    /// Taken from the other direction, as light may go either way: the file hasn't it.
-    pub reciprocal: bool,
-}
 
 /// A BSDF file as WINDOW and Radiance write it.
 #[derive(Clone, Debug, PartialEq)]

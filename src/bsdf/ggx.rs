@@ -25,22 +25,22 @@ impl Ggx {
 
     /// Smith's auxiliary function Lambda.
     #[inline]
-    fn hidden(&self, v: DVec3) -> f64 {
+    fn lambda(&self, v: DVec3) -> f64 {
         let tan2 = (v.x * v.x + v.y * v.y) / (v.z * v.z);
         0.5 * ((1.0 + self.alpha * self.alpha * tan2).sqrt() - 1.0)
     }
 
     /// Share of facets that both directions see.
     pub(super) fn seen_by_both(&self, incident: DVec3, out: DVec3) -> f64 {
-        1.0 / (1.0 + self.hidden(incident) + self.hidden(out))
+        1.0 / (1.0 + self.lambda(incident) + self.lambda(out))
     }
 
     /// Share of the facets seen from `incident` that `out` sees as well; the survival of a
     /// direction drawn by [`Self::facet`].
     #[inline]
     pub(super) fn seen_back(&self, incident: DVec3, out: DVec3) -> f64 {
-        let hidden = self.hidden(incident);
-        (1.0 + hidden) / (1.0 + hidden + self.hidden(out))
+        let lambda = self.lambda(incident);
+        (1.0 + lambda) / (1.0 + lambda + self.lambda(out))
     }
 
     /// A facet normal from the distribution of those visible from `incident` (Heitz 2018,
@@ -62,12 +62,12 @@ impl Ggx {
     /// Upper bound of [`Self::seen_back`] for incident cosines from `cos_incident` (above 0) and
     /// outgoing ones up to `cos_out`: it shrinks as either direction rises or the other falls.
     pub(super) fn seen_back_most(&self, cos_incident: f64, cos_out: f64) -> f64 {
-        let hidden = |cos: f64| {
+        let lambda = |cos: f64| {
             let cos2 = (cos * cos).min(1.0);
             0.5 * ((1.0 + self.alpha * self.alpha * (1.0 - cos2) / cos2).sqrt() - 1.0)
         };
-        let incident = hidden(cos_incident);
-        (1.0 + incident) / (1.0 + incident + hidden(cos_out))
+        let incident = lambda(cos_incident);
+        (1.0 + incident) / (1.0 + incident + lambda(cos_out))
     }
 
     /// A cone that holds all facet normals that [`Self::facet`] draws from a rectangle of its two

@@ -9,7 +9,6 @@ use std::path::Path;
 
 use glam::DVec3;
 
-use super::scattered::Surface;
 use super::{Error, on_circle};
 
 /// Bytes of a file.
@@ -163,11 +162,6 @@ impl Goniophotometer {
         let Some(first) = slanting.next() else { return true };
         slanting
             .all(|i| ((i.phi_deg - first.phi_deg + 180.0).rem_euclid(360.0) - 180.0).abs() < 0.1)
-    }
-
-    /// The points joined to a surface.
-    pub fn surface(&self) -> Surface {
-        Surface::new(self)
     }
 }
 

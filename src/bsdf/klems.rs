@@ -1,3 +1,14 @@
+//! Klems matrices: scattering from patches of the hemisphere to patches of the hemisphere.
+//!
+//! The bases are LBNL's (Klems 1994, "A new method for predicting the solar heat gain of complex
+//! fenestration systems"): rings of polar angle, each cut evenly in azimuth. Values are constant
+//! over a patch, as Radiance evaluates them, without interpolation: that keeps energy, and a reader
+//! who compares with `rtrace` sees the same steps. Patches of 10 to 15 degrees are coarser than any
+//! glint; the program warns of that elsewhere.
+//!
+//! Columns are scaled down where a file scatters more light than came in, and each incident patch
+//! has a cumulative distribution over the outgoing ones, so that drawing costs one binary search.
+
 use std::f64::consts::{PI, TAU};
 
 use glam::DVec3;

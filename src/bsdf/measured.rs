@@ -2,7 +2,7 @@ use std::sync::Arc;
 
 use glam::DVec3;
 
-use super::file::Table;
+use super::block::Table;
 use crate::base::Stream;
 
 /// One side's reflection from a file, piecewise constant over the file's patches or cells, as

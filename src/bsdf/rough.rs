@@ -6,10 +6,10 @@ use std::f64::consts::PI;
 use glam::DVec3;
 
 use super::Cone;
-use super::chart::Square;
 use super::fresnel;
 use super::ggx::Ggx;
 use super::interface::Interface;
+use super::square::Square;
 
 /// What a facet reflects, by the cosine of the light that it meets.
 pub(super) trait Reflects {

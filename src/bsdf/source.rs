@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use glam::DVec3;
 
 use super::{
-    Bsdf, BsdfFile, Error, Fineness, Goniophotometer, PRESETS, Preset, Side, Surface, Table,
+    Bsdf, BsdfFile, Error, Fineness, Goniophotometer, Interpolation, PRESETS, Preset, Side, Table,
     Written, write, write_points,
 };
 
@@ -17,7 +17,7 @@ pub enum Source {
     /// A preset, ready to scatter.
     Preset(Preset, Bsdf),
     /// Goniophotometer data, and the surface through them.
-    Points(Goniophotometer, Surface),
+    Points(Goniophotometer, Interpolation),
 }
 
 /// Bytes that tell what a file is.
@@ -57,7 +57,7 @@ impl Source {
         }
         if !points.is_empty() {
             let data = Goniophotometer::read(&points)?;
-            let surface = data.surface();
+            let surface = Interpolation::of(&data);
             out.push(Self::Points(data, surface));
         }
         Ok(out)

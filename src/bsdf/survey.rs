@@ -2,7 +2,7 @@
 
 use glam::DVec3;
 
-use super::file::Table;
+use super::block::Table;
 use super::{Measured, on_circle, on_hemisphere};
 use crate::base::{Purpose, Stream};
 

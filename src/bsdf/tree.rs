@@ -1,3 +1,17 @@
+//! Tensor trees: scattering over cells that are small only where the function changes.
+//!
+//! Ward, Kurt and Bonneel 2012 ("A practical framework for sharing and rendering real-world
+//! bidirectional scattering distribution functions") cut the square of outgoing directions (Shirley
+//! and Chiu's map of the disc) together with the incident one into a tree of 16 or 8 children. To
+//! draw from it one needs, for a given incident direction, a distribution over outgoing cells;
+//! walking the whole tree for each photon is too slow, and one quadtree for each incident cell too
+//! large.
+//!
+//! So the tree is cut into slices when it is read: a quadtree over the outgoing square for each
+//! incident cell that can be told apart, where all slices share the parts that they have in common.
+//! A node keeps the sums over its children, and one number is enough to walk down to a cell.
+//! Evaluating and bounding walk the same slices.
+
 mod build;
 
 use glam::DVec3;
@@ -18,9 +32,6 @@ pub(super) const MOST_LEVELS: u32 = 12;
 /// Scattering over a tensor tree (Ward, Kurt and Bonneel 2012): piecewise constant over cells of
 /// the square of outgoing directions, for cells of the incident square (rank 4) or of the sine of
 /// the incident angle (rank 3, isotropic).
-///
-/// For sampling the tree is cut into slices, one for each distinguishable incident cell: quadtrees
-/// over the outgoing square that share all parts that they have in common.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Tree {
     rank: usize,

@@ -5,7 +5,7 @@ use std::fmt::Write as _;
 use super::cells::{Cells, Closeness};
 use super::gonio::Goniophotometer;
 use super::survey::ANGLES_DEG;
-use super::{Bsdf, Error, Table};
+use super::{Bsdf, Error, Interpolation, Table};
 
 /// How a file is written.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -144,7 +144,7 @@ pub fn write(bsdf: &Bsdf, name: &str, fineness: Fineness) -> Result<Written, Err
 pub fn write_points(data: &Goniophotometer, fineness: Fineness) -> Result<Written, Error> {
     let rank = if data.is_isotropic() { 3 } else { 4 };
     check(rank, fineness)?;
-    let surface = data.surface();
+    let surface = Interpolation::of(&data);
     let closeness = Closeness { incident: 1, deepest: 1 };
     let value = |from, to| surface.value(from, to);
     let cells = Cells::sampled(rank, fineness.resolution, closeness, &value, None);

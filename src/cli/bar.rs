@@ -11,7 +11,7 @@ use crate::base::{Interrupted, Progress};
 const WORTH_A_LINE: Duration = Duration::from_secs(5);
 
 /// Prints a line; standard error may be closed, then nobody listens.
-fn line(text: &str) {
+pub(super) fn line(text: &str) {
     let _ = writeln!(std::io::stderr(), "{text}");
 }
 

@@ -38,11 +38,12 @@ fn classify(cause: &(dyn std::error::Error + 'static)) -> Option<FaultKind> {
         return Some(FaultKind::Interrupted);
     }
     rooms!(
-        super::ours::Error,
+        super::own_format::Error,
         crate::glare::Error,
         crate::pages::Error,
         crate::picture::Error,
         crate::render::Error,
+        crate::render::GatherError,
         crate::project::Error,
         crate::receivers::Error,
         crate::report::Error,

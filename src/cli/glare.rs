@@ -1,3 +1,8 @@
+//! `glintmap glare`: the analysis of a volume from anywhere, without a project.
+//!
+//! A volume is a folder in Zarr or a plain `.npy`; the latter says nothing of time, so segments may
+//! come from a file of numbers beside it.
+
 use std::fs;
 use std::io;
 use std::ops::Range;

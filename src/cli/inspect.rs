@@ -1,9 +1,14 @@
+//! `glintmap inspect`: what a file of our own holds, read only.
+//!
+//! The first line of each of our files names its format; what isn't ours is refused with what was
+//! found.
+
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
 use std::io::{BufWriter, Write};
 use std::path::{Path, PathBuf};
 
-use super::{Context, ours};
+use super::{Context, own_format};
 use crate::pages::{Access, Error, OpenOptions, Share, Store};
 use crate::render::HitMap;
 
@@ -39,7 +44,7 @@ pub(super) fn run(arguments: &Arguments, context: &Context) -> anyhow::Result<()
     if path.is_dir() {
         return super::volume::look(path, true, context);
     }
-    match ours::format_name(path, &["photons", "hits"])? {
+    match own_format::format_name(path, &["photons", "hits"])? {
         "photons" => photons(path, arguments, context),
         _ => hits(path, context),
     }

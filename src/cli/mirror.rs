@@ -1,3 +1,5 @@
+//! `glintmap mirror`: the authorities' mirror rule at observers, regions, points and objects.
+
 use std::fmt::Write as _;
 use std::path::PathBuf;
 

@@ -13,7 +13,7 @@ mod glare;
 mod inspect;
 mod mirror;
 mod new;
-mod ours;
+mod own_format;
 mod picture;
 mod plan;
 mod probe;
@@ -28,7 +28,8 @@ mod volume;
 pub use context::Context;
 pub use exit::{exit_code, tell};
 
-use clap::{Args, Parser, Subcommand};
+use clap::{Parser, Subcommand};
+use context::Common;
 
 /// Where, when and for how long does a photovoltaic surface dazzle its neighbourhood?
 #[derive(Debug, Parser)]
@@ -45,21 +46,6 @@ impl Cli {
     pub fn wants_json(&self) -> bool {
         self.common.json
     }
-}
-
-/// What every command takes.
-#[derive(Clone, Debug, Args)]
-pub struct Common {
-    /// Print exactly one JSON document on standard output; an error is one on the last line of
-    /// standard error
-    #[arg(long, global = true)]
-    pub json: bool,
-    /// No progress, no notes: only results and errors
-    #[arg(long, short, global = true)]
-    pub quiet: bool,
-    /// Threads to use [default: one for each core]
-    #[arg(long, global = true, value_name = "N")]
-    pub threads: Option<std::num::NonZeroUsize>,
 }
 
 #[derive(Debug, Subcommand)]

@@ -1,3 +1,8 @@
+//! `glintmap picture`: pictures from maps in files, with Radiance's options where it has them.
+//!
+//! Radiance's `falsecolor` takes words such as `-log` and `-cl` with one dash; clap knows two.
+//! [`with_two_dashes`] adds the second one before the command line is parsed.
+
 use std::ffi::OsString;
 use std::path::{Path, PathBuf};
 

@@ -1,3 +1,7 @@
+//! `glintmap run`: runs a project and says what was made.
+//!
+//! `demo` and `report` run projects, too, and share [`How`] with it.
+
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 

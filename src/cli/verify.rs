@@ -1,6 +1,6 @@
 use std::path::{Path, PathBuf};
 
-use super::{Context, ours};
+use super::{Context, own_format};
 use crate::base::limits::MAX_FINDINGS_SHOWN;
 use crate::pages;
 use crate::project::Resolved;
@@ -47,7 +47,7 @@ fn findings(path: &Path, context: &Context) -> anyhow::Result<Vec<String>> {
     if path.is_dir() {
         return Ok(Volume::open(path)?.verify(context.progress())?);
     }
-    match ours::format_name(path, &["photons", "hits"])? {
+    match own_format::format_name(path, &["photons", "hits"])? {
         "photons" => Ok(pages::verify(path)?),
         _ => Ok(glintmap_formats::hits::verify(path)?),
     }

@@ -1,3 +1,5 @@
+//! `glintmap volume`: looks into a time series, exports and imports it.
+
 mod pictures;
 
 use std::fmt::Write as _;
@@ -8,7 +10,8 @@ use anyhow::Context as _;
 use serde_json::{Value, json};
 
 use super::Context;
-use crate::volume::{self, Quantity, Volume};
+use crate::base::Irradiance;
+use crate::volume::{self, Volume};
 
 #[derive(Debug, clap::Subcommand)]
 /// Look into a volume (a time series of pictures), or turn it into another file
@@ -75,11 +78,11 @@ enum QuantityName {
     Normal,
 }
 
-impl From<QuantityName> for Quantity {
+impl From<QuantityName> for Irradiance {
     fn from(name: QuantityName) -> Self {
         match name {
             QuantityName::Surface => Self::Surface,
-            QuantityName::Normal => Self::Normal,
+            QuantityName::Normal => Self::FacingBeam,
         }
     }
 }
@@ -108,8 +111,8 @@ pub(super) fn look(path: &Path, fast: bool, context: &Context) -> anyhow::Result
     let quantity = volume.quantity();
     let mut text = format!("{timesteps} timesteps x {rows} rows x {columns} columns, W/m2");
     match quantity {
-        Some(Quantity::Surface) => text.push_str(" on the surface\n"),
-        Some(Quantity::Normal) => text.push_str(" on a plane that faces the beam\n"),
+        Some(Irradiance::Surface) => text.push_str(" on the surface\n"),
+        Some(Irradiance::FacingBeam) => text.push_str(" on a plane that faces the beam\n"),
         None => text.push('\n'),
     }
     let mut document = json!({

@@ -1,7 +1,27 @@
+//! Why a volume can't be analysed, and what that means for the process.
+
+use std::error::Error as StdError;
 use std::io;
 
-use super::slices::ReadFailure;
 use crate::base::{FaultKind, Interrupted};
+use crate::volume;
+
+/// Why a volume's slices could not be read.
+#[derive(Debug, thiserror::Error)]
+#[error("the volume can't be read")]
+pub struct ReadFailure {
+    /// What it means for the process.
+    pub kind: FaultKind,
+    /// The volume's own error.
+    #[source]
+    pub source: Box<dyn StdError + Send + Sync>,
+}
+
+impl From<volume::Error> for ReadFailure {
+    fn from(source: volume::Error) -> Self {
+        Self { kind: source.kind(), source: Box::new(source) }
+    }
+}
 
 /// Why a volume could not be analysed.
 #[derive(Debug, thiserror::Error)]

@@ -8,29 +8,33 @@
 //!
 #![doc = include_str!("../docs/glare.md")]
 //!
-//! [`Slices`] → `smooth` → `threshold` → `label` → `duration`, `event`.
+//! [`Slices`] → filter → threshold → slabs → events, step by step as [`Session`] drives it.
 
+mod analysis;
 mod error;
 pub mod events;
 pub mod filter;
 mod plan;
 mod regular;
+mod schedule;
 mod session;
 mod settings;
 mod slices;
 mod stream;
 mod tile_batch;
+mod wave;
 pub mod year;
 
-pub use error::Error;
+pub use analysis::{Analysis, Filtered};
+pub use error::{Error, ReadFailure};
 pub use events::{Event, EventRow, EventTimes, Events, ListedEvent, write_events};
 pub use filter::Kernel;
 pub use plan::Plan;
 pub use regular::Regular;
 pub use session::Session;
 pub use settings::{Connectivity, Settings};
-pub use slices::{Calendar, ReadFailure, Slices};
-pub use stream::{Analysis, Filtered, analyse, analyse_planned, plan};
+pub use slices::{Calendar, Slices};
+pub use stream::{analyse, analyse_planned, plan};
 pub use tile_batch::TileBatch;
 pub use year::{
     HourBounds, HourCounter, Lengths, Run, SpotGlare, YearMap, YearRows, YearTiles, each_slice,

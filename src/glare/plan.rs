@@ -1,10 +1,9 @@
 use super::error::Error;
+use super::events::counts::Counts;
 use super::events::duration::Durations;
-use super::filter::smooth::Smoother;
-use super::filter::wave::STRIP_ROWS;
 use super::settings::Settings;
-use super::stream::checked;
-use super::year::counts::Counts;
+use super::slices::checked;
+use super::wave::STRIP_ROWS;
 use crate::base::limits::TILE_EDGE;
 
 /// Timesteps that are filtered together: each slice of the window is then fetched from memory
@@ -52,8 +51,9 @@ impl Plan {
         settings: &Settings,
     ) -> Result<Self, Error> {
         let shape = checked(shape)?;
-        let smoother = Smoother::new(settings)?;
-        let radius = [smoother.t.radius(), smoother.y.radius()];
+        let gaussian = settings.gaussian()?;
+        settings.threshold_f32()?;
+        let radius = [gaussian.t.radius(), gaussian.y.radius()];
         let threads = rayon::current_num_threads();
         Demand { shape, radius, chunk_timesteps, calendar, keep, threads }.plan(settings)
     }

@@ -1,8 +1,9 @@
+//! Series whose timesteps differ in length, on a regular grid in time.
+
 use std::ops::Range;
 
-use super::error::Error;
-use super::slices::{Calendar, ReadFailure, Slices};
-use super::stream::checked;
+use super::error::{Error, ReadFailure};
+use super::slices::{Calendar, Slices, checked};
 use crate::base::limits::{MAX_TIMESTEPS, TILE_EDGE};
 use crate::volume::{TimeAxis, segments_from_numbers};
 
@@ -21,12 +22,7 @@ const SLACK_H: f64 = 1e-6;
 /// Hours are kept: what a timestep stands for is shared out among the instants that show it.
 pub struct Regular<'a> {
     source: &'a dyn Slices,
-    /// For each instant of the grid the timestep that it shows; never falls.
-    shows: Vec<usize>,
-    /// When each instant is, h.
-    hour: Vec<f64>,
-    segments: Vec<Range<usize>>,
-    step_h: f64,
+    grid: TimeGrid,
 }
 
 impl<'a> Regular<'a> {
@@ -40,6 +36,64 @@ impl<'a> Regular<'a> {
         axis: &TimeAxis,
         segments: &[Range<usize>],
     ) -> Result<Option<Self>, Error> {
+        let grid = TimeGrid::of(source.shape(), axis, segments)?;
+        Ok(grid.map(|grid| Self { source, grid }))
+    }
+
+    /// The segments of the grid.
+    pub fn segments(&self) -> &[Range<usize>] {
+        &self.grid.segments
+    }
+
+    /// The timestep of the series that an instant of the grid shows.
+    pub fn shown(&self, instant: usize) -> Option<usize> {
+        self.grid.shows.get(instant).copied()
+    }
+
+    /// What the grid's instants are, given what the series' timesteps are.
+    pub fn axis(&self, axis: &TimeAxis) -> TimeAxis {
+        let TimeGrid { shows, hour, step_h, .. } = &self.grid;
+        // Midnight may lie between an instant and the timestep that it shows.
+        let day = |hour: &f64| ((hour + SLACK_H) / DAY_H).floor();
+        TimeAxis {
+            day: hour.iter().map(|hour| day(hour) as u32).collect(),
+            hour: hour.iter().map(|hour| hour - DAY_H * day(hour)).collect(),
+            sun: shows.iter().map(|&i| axis.sun[i]).collect(),
+            weight_h: self.grid.shared(&axis.weight_h),
+            segment: shows.iter().map(|&i| axis.segment[i]).collect(),
+            step_h: if step_h.is_finite() { *step_h } else { axis.step_h },
+            ..*axis
+        }
+    }
+}
+
+/// How many instants of the finest regular grid show each timestep, and the grid's step, h.
+pub(super) fn instants(axis: &TimeAxis) -> Result<(Vec<u32>, f64), Error> {
+    let timesteps = axis.day.len();
+    let segments = segments_from_numbers(&axis.segment);
+    Ok(match TimeGrid::of([timesteps, 1, 1], axis, &segments)? {
+        Some(grid) => (grid.times(timesteps), grid.step_h),
+        None => (vec![1; timesteps], axis.step_h),
+    })
+}
+
+/// The instants of a regular grid.
+struct TimeGrid {
+    /// For each instant the timestep that it shows; never falls.
+    shows: Vec<usize>,
+    /// When each instant is, h.
+    hour: Vec<f64>,
+    segments: Vec<Range<usize>>,
+    step_h: f64,
+}
+
+impl TimeGrid {
+    /// See [`Regular::of`]; `shape` is that of the series.
+    fn of(
+        shape: [usize; 3],
+        axis: &TimeAxis,
+        segments: &[Range<usize>],
+    ) -> Result<Option<Self>, Error> {
         let hour = hours_of_year(axis);
         let even = |segment: &Range<usize>| {
             let hours = hour.get(segment.clone()).unwrap_or_default();
@@ -48,13 +102,13 @@ impl<'a> Regular<'a> {
         if segments.iter().all(even) {
             return Ok(None);
         }
-        Self::new(source, &hour, segments).map(Some)
+        Self::new(shape, &hour, segments).map(Some)
     }
 
     /// The grid of a series whose timestep `i` lies at `hour[i]`, counted from any instant; hours
     /// rise inside each of `segments`.
-    fn new(source: &'a dyn Slices, hour: &[f64], segments: &[Range<usize>]) -> Result<Self, Error> {
-        let [timesteps, ..] = checked(source.shape())?;
+    fn new(shape: [usize; 3], hour: &[f64], segments: &[Range<usize>]) -> Result<Self, Error> {
+        let [timesteps, rows, columns] = checked(shape)?;
         if hour.len() != timesteps {
             return Err(Error::Calendar { found: hour.len(), timesteps });
         }
@@ -76,17 +130,16 @@ impl<'a> Regular<'a> {
         if !named || step_h < SHORTEST_H - SLACK_H {
             return Err(Error::Step(step_h));
         }
-        let (mut shows, mut all_hours, mut all_segments) = (Vec::new(), Vec::new(), Vec::new());
+        let mut grid = Self { shows: Vec::new(), hour: Vec::new(), segments: Vec::new(), step_h };
         for segment in segments {
             let hours = &hour[segment.clone()];
             let (first, last) = (hours[0], hours[hours.len() - 1]);
             // Of a segment of one timestep the grid has that one, whatever the step.
             let steps = if last > first { ((last - first) / step_h).round() } else { 0.0 };
-            if steps >= (MAX_TIMESTEPS - shows.len()) as f64 {
-                let [_, rows, columns] = source.shape();
+            if steps >= (MAX_TIMESTEPS - grid.shows.len()) as f64 {
                 return Err(Error::Shape(usize::MAX, rows, columns));
             }
-            let begins = shows.len();
+            let begins = grid.shows.len();
             let mut nearest = 0;
             for k in 0..=steps as usize {
                 let at = if k == 0 { first } else { first + k as f64 * step_h };
@@ -94,40 +147,12 @@ impl<'a> Regular<'a> {
                 while nearest + 1 < hours.len() && nearer(nearest) {
                     nearest += 1;
                 }
-                shows.push(segment.start + nearest);
-                all_hours.push(at);
+                grid.shows.push(segment.start + nearest);
+                grid.hour.push(at);
             }
-            all_segments.push(begins..shows.len());
+            grid.segments.push(begins..grid.shows.len());
         }
-        Ok(Self { source, shows, hour: all_hours, segments: all_segments, step_h })
-    }
-
-    /// The segments of the grid.
-    pub fn segments(&self) -> &[Range<usize>] {
-        &self.segments
-    }
-
-    /// The timestep of the series that an instant of the grid shows.
-    pub fn shown(&self, instant: usize) -> Option<usize> {
-        self.shows.get(instant).copied()
-    }
-
-    /// What the grid's instants are, given what the series' timesteps are.
-    pub fn axis(&self, axis: &TimeAxis) -> TimeAxis {
-        // Midnight may lie between an instant and the timestep that it shows.
-        let day = |hour: &f64| ((hour + SLACK_H) / DAY_H).floor();
-        TimeAxis {
-            day: self.hour.iter().map(|hour| day(hour) as u32).collect(),
-            hour: self.hour.iter().map(|hour| hour - DAY_H * day(hour)).collect(),
-            sun: self.shows.iter().map(|&i| axis.sun[i]).collect(),
-            weight_h: self.shared(&axis.weight_h),
-            segment: self.shows.iter().map(|&i| axis.segment[i]).collect(),
-            step_h: if self.step_h.is_finite() { self.step_h } else { axis.step_h },
-            half_year: axis.half_year,
-            year: axis.year,
-            sun_diameter_deg: axis.sun_diameter_deg,
-            basis: axis.basis,
-        }
+        Ok(grid)
     }
 
     /// How many instants show each of the series' timesteps.
@@ -144,16 +169,6 @@ impl<'a> Regular<'a> {
     }
 }
 
-/// How many instants of the finest regular grid show each timestep, and the grid's step, h.
-pub(super) fn instants(axis: &TimeAxis) -> Result<(Vec<u32>, f64), Error> {
-    let timesteps = axis.day.len();
-    let segments = segments_from_numbers(&axis.segment);
-    Ok(match Regular::of(&Nothing(timesteps), axis, &segments)? {
-        Some(grid) => (grid.times(timesteps), grid.step_h),
-        None => (vec![1; timesteps], axis.step_h),
-    })
-}
-
 /// Hours since the year began, h.
 fn hours_of_year(axis: &TimeAxis) -> Vec<f64> {
     axis.day.iter().zip(&axis.hour).map(|(day, hour)| DAY_H * f64::from(*day) + hour).collect()
@@ -165,31 +180,10 @@ fn is_step(gap_h: f64, step_h: f64) -> bool {
     (gap_h - step_h).abs() <= 0.01 * step_h + SLACK_H
 }
 
-/// A picture without light of which only the timesteps matter.
-struct Nothing(usize);
-
-impl Slices for Nothing {
-    fn shape(&self) -> [usize; 3] {
-        [self.0, 1, 1]
-    }
-
-    fn read_lit(
-        &self,
-        _: Range<usize>,
-        _: Range<usize>,
-        out: &mut [f32],
-        lit: &mut [bool],
-    ) -> Result<(), ReadFailure> {
-        out.fill(0.0);
-        lit.fill(false);
-        Ok(())
-    }
-}
-
 impl Slices for Regular<'_> {
     fn shape(&self) -> [usize; 3] {
         let [_, rows, columns] = self.source.shape();
-        [self.shows.len(), rows, columns]
+        [self.grid.shows.len(), rows, columns]
     }
 
     fn read_lit(
@@ -202,7 +196,7 @@ impl Slices for Regular<'_> {
         let [_, _, columns] = self.shape();
         let pixels = rows.len() * columns;
         let tiles = rows.len().div_ceil(TILE_EDGE) * columns.div_ceil(TILE_EDGE);
-        let shows = &self.shows[range];
+        let shows = &self.grid.shows[range];
         let mut at = 0;
         // Timesteps that follow each other and are shown once are read together.
         while at < shows.len() {
@@ -225,8 +219,8 @@ impl Slices for Regular<'_> {
     fn calendar(&self) -> Option<Calendar> {
         let calendar = self.source.calendar()?;
         Some(Calendar {
-            day: self.shows.iter().map(|&i| calendar.day[i]).collect(),
-            weight_h: self.shared(&calendar.weight_h),
+            day: self.grid.shows.iter().map(|&i| calendar.day[i]).collect(),
+            weight_h: self.grid.shared(&calendar.weight_h),
         })
     }
 }
@@ -234,6 +228,15 @@ impl Slices for Regular<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    fn regular<'a>(
+        source: &'a dyn Slices,
+        hour: &[f64],
+        segments: &[Range<usize>],
+    ) -> Result<Regular<'a>, Error> {
+        let grid = TimeGrid::new(source.shape(), hour, segments)?;
+        Ok(Regular { source, grid })
+    }
 
     /// Timestep `t` shows `t` everywhere, in a picture of one pixel.
     struct Numbers(usize);
@@ -269,11 +272,11 @@ mod tests {
         let hour = [8.0, 9.0, 9.25, 9.5, 10.0, 12.0];
         let segments = [0..5, 5..6];
         let source = Numbers(6);
-        let grid = Regular::new(&source, &hour, &segments).unwrap();
+        let grid = regular(&source, &hour, &segments).unwrap();
         let expected = [0.0, 0.0, 0.0, 1.0, 1.0, 2.0, 3.0, 3.0, 4.0, 5.0];
         assert_eq!(grid.shape(), [10, 1, 1]);
         assert_eq!(grid.segments(), [0..9, 9..10]);
-        assert_eq!(grid.hour[..4], [8.0, 8.25, 8.5, 8.75]);
+        assert_eq!(grid.grid.hour[..4], [8.0, 8.25, 8.5, 8.75]);
         for step in 1..=10 {
             let mut found = vec![-1.0; 10];
             for start in (0..10).step_by(step) {
@@ -293,15 +296,15 @@ mod tests {
         let hour: Vec<f64> = (0..500).map(|i| 4.0 + f64::from(i % 100) / 60.0 * 7.0).collect();
         let segments: Vec<Range<usize>> = (0..5).map(|d| d * 100..(d + 1) * 100).collect();
         let source = Numbers(500);
-        let grid = Regular::new(&source, &hour, &segments).unwrap();
-        assert_eq!(grid.shows, (0..500).collect::<Vec<_>>());
+        let grid = regular(&source, &hour, &segments).unwrap();
+        assert_eq!(grid.grid.shows, (0..500).collect::<Vec<_>>());
         assert_eq!(grid.segments(), segments);
     }
 
     #[test]
     fn what_has_no_grid_is_refused() {
         let new = |hour: &[f64], segments: &[Range<usize>]| {
-            Regular::new(&Numbers(3), hour, segments).map(|_| ()).unwrap_err()
+            regular(&Numbers(3), hour, segments).map(|_| ()).unwrap_err()
         };
         let all = std::iter::once(0..3).collect::<Vec<_>>();
         assert!(matches!(new(&[1.0, 2.0], &all), Error::Calendar { .. }));

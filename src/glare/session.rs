@@ -1,28 +1,56 @@
+//! The streaming analysis of a year.
+//!
+//! The problem: the time series of a year has hundreds of gigabytes, and an event is a connected
+//! component of it in time, row and column, after a Gaussian along all three. With the volume in
+//! memory that is two calls of SciPy. Here memory may hold the window of the filter and what is alive.
+//!
+//! The idea: the picture moves through three stages, and each wave of rows is in one of them:
+//!
+//! ```text
+//!             read ───────────► filtered ───────────► followed
+//!      rows of tiles of      strips become slabs,    events go on
+//!        the next wave         a thread each         from slab to slab
+//! ```
+//!
+//! A [`Step`] of the [`Schedule`] is one wave. While its rows are filtered, the slabs of the step before
+//! are followed, and what the step after needs is read: three kinds of work that share nothing, so
+//! that they run at once ([`Session::work`]) and the result depends on no order. Following is
+//! sequential, since it hands out numbers; it costs little, as a slab keeps what is inside of it for itself.
+//! At the bottom of the picture a pass ends, its filtered slices are complete, and the next pass begins
+//! at the top with later timesteps.
+//!
+//! Since nothing crosses the border of a segment, a year may come in pieces, from several sources.
+//!
+//! What lost: sliding along time alone, as the analysis did at first, with all rows of the timesteps
+//! that are read at once in memory (twice of it), and stages that wait for each other. Not tried:
+//! labels of the whole volume on disk and a second pass that joins them, which reads everything twice
+//! and keeps a table that grows with the year.
+
 use std::ops::Range;
 
 use rayon::prelude::*;
 
+use super::analysis::{Analysis, Filtered};
 use super::error::Error;
+use super::events::counts::Counts;
 use super::events::slab::Slab;
 use super::events::track::Tracker;
-use super::filter::passes::{Pass, Passes};
-use super::filter::smooth::{Part, Smoother};
-use super::filter::wave::{STRIP_ROWS, Scratch, Wave};
+use super::filter::kernel::Gaussian;
 use super::filter::window::{Block, Window};
 use super::plan::Plan;
+use super::schedule::{Passes, Schedule, Step};
 use super::settings::Settings;
-use super::slices::{Calendar, Slices};
-use super::stream::{Analysis, Filtered, checked};
-use super::year::counts::Counts;
-use crate::base::limits::TILE_EDGE;
-use crate::base::{Grid, Progress};
+use super::slices::{Calendar, Slices, checked};
+use super::wave::{Scratch, Wave};
+use crate::base::Progress;
 
 /// An analysis that is fed piece by piece: whole segments in chronological order, from one source
 /// or from several that follow each other. The pieces don't show in the result, since nothing
 /// crosses the border of a segment.
 pub struct Session {
     shape: [usize; 3],
-    smoother: Smoother,
+    gaussian: Gaussian,
+    threshold: f32,
     plan: Plan,
     allow_nonfinite: bool,
     counts: Counts,
@@ -59,15 +87,16 @@ impl Session {
                 return Err(Error::Calendar { found, timesteps });
             }
         }
-        let smoother = Smoother::new(settings)?;
-        let depth = (2 * smoother.t.radius()).min(timesteps);
+        let gaussian = settings.gaussian()?;
+        let depth = (2 * gaussian.t.radius()).min(timesteps);
         Ok(Self {
             shape,
-            smoother,
+            gaussian,
+            threshold: settings.threshold_f32()?,
             plan,
             allow_nonfinite: settings.allow_nonfinite,
             counts: Counts::new(rows, columns, calendar),
-            tracker: Tracker::new(rows, columns, settings, &plan),
+            tracker: Tracker::new(rows, columns, settings, plan.spill_bytes),
             window: Window::new(rows, columns, depth),
             scratch: Vec::new(),
             keep: Vec::new(),
@@ -94,92 +123,41 @@ impl Session {
         if source.shape() != self.shape {
             return Err(Error::Source { expected: self.shape, found: source.shape() });
         }
-        let before = self.segments;
-        self.follow(segments)?;
-        let [_, rows, columns] = self.shape;
-        let pixels = rows * columns;
-        let strips = rayon::current_num_threads().max(2);
-        let wave_rows = STRIP_ROWS * strips;
-        self.scratch.resize_with(strips.max(self.scratch.len()), Scratch::default);
-        let reach = self.smoother.y.radius();
-        let mut passes = Passes::new(segments, before, self.plan.block, self.smoother.t.radius());
         let reader = Reader { source, allow_nonfinite: self.allow_nonfinite };
-        // Rows of tiles that a wave needs, its last row given.
-        let needed = |end: usize| (end + reach).next_multiple_of(TILE_EDGE).min(rows);
-        let Self { smoother, plan, counts, tracker, window, scratch, keep, nonfinite, .. } = self;
-        let connectivity = tracker.connectivity();
-        let Some(mut pass) = passes.next(tracker.waits_for_the_end()) else { return Ok(()) };
-        let mut first = 0;
-        let mut waiting: Option<Found> = None;
-        window.begin(pass.reads.start);
-        let spare = window.rooms(0..needed(wave_rows.min(rows)));
-        let mut read = reader.read(&pass, spare);
-        loop {
-            progress.check()?;
-            for block in read? {
-                *nonfinite += block.nonfinite;
-                window.push(block);
-            }
-            let here = first..(first + wave_rows).min(rows);
-            window.retire(here.start.saturating_sub(reach));
-            // While these rows are filtered, what was found in those before is followed and what
-            // comes next is read: three kinds of work that don't depend on each other.
-            let (ends, mut ahead) = (here.end == rows, None);
-            if ends {
-                ahead = passes.next(tracker.waits_for_the_end());
-            }
-            let next_rows = match (ends, &ahead) {
-                (false, _) if pass.reads.is_empty() => 0..0,
-                (false, _) => window.end()..needed((here.end + wave_rows).min(rows)),
-                (true, Some(ahead)) if !ahead.reads.is_empty() => 0..needed(wave_rows.min(rows)),
-                (true, _) => 0..0,
-            };
-            let spare = window.rooms(next_rows);
-            let found = waiting.take();
-            let mut kept = None;
-            if filtered.is_some() {
-                keep.resize(pass.steps() * pixels, 0.0);
-                kept = Some(&mut keep[..]);
-            }
-            let (followed, (slabs, next)) = rayon::join(
-                || found.map_or(Ok(0), |found| found.follow(tracker, plan)),
-                || {
-                    rayon::join(
-                        || {
-                            let (parts, batch) = (&pass.parts, plan.batch);
-                            let rows = here.clone();
-                            Wave { smoother, window, parts, rows, batch, connectivity }
-                                .run(counts, kept, scratch)
-                        },
-                        || reader.read(ahead.as_ref().unwrap_or(&pass), spare),
-                    )
-                },
-            );
-            progress.advance(followed?);
-            read = next;
-            let begins = (first == 0).then(|| pass.parts.clone());
-            waiting = Some(Found { slabs, begins, ends: ends.then(|| pass.steps()) });
-            first = here.end;
-            if !ends {
-                continue;
-            }
-            if let Some(filtered) = &mut filtered {
-                let steps = pass.parts.iter().flat_map(|part| part.steps.clone());
-                for (timestep, slice) in steps.zip(keep.chunks_exact(pixels)) {
-                    filtered(timestep, slice).map_err(Error::Filtered)?;
-                }
-            }
-            let Some(ahead) = ahead else { break };
-            (pass, first) = (ahead, 0);
-            window.begin(pass.reads.start);
+        let mut schedule = self.schedule(segments)?;
+        let mut next = schedule.next(self.tracker.waits_for_the_end());
+        if let Some(first) = &next {
+            self.window.begin(first.pass.reads.start);
         }
-        let found = waiting.map_or(Ok(0), |found| found.follow(tracker, plan));
-        progress.advance(found?);
+        let rooms = self.rooms(next.as_ref());
+        let mut read = reader.read(next.as_ref(), rooms);
+        let (keeps, mut followable) = (filtered.is_some(), None);
+        while let Some(step) = next {
+            progress.check()?;
+            self.take_in(&step, read?);
+            next = schedule.next(self.tracker.waits_for_the_end());
+            let work = self.work(&step, followable.take(), &reader, next.as_ref(), keeps)?;
+            progress.advance(work.timesteps);
+            read = work.read;
+            if let (true, Some(filtered)) = (step.ends, &mut filtered) {
+                self.hand_on(&step, filtered)?;
+            }
+            if let Some(next) = next.as_ref().filter(|next| next.begins()) {
+                self.window.begin(next.pass.reads.start);
+            }
+            followable = Some(Followable { step, slabs: work.slabs });
+        }
+        if let Some(last) = followable {
+            progress.advance(last.follow(&mut self.tracker, self.plan.events_bytes)?);
+        }
         Ok(())
     }
 
-    /// Checks that segments follow what was pushed so far.
-    fn follow(&mut self, segments: &[Range<usize>]) -> Result<(), Error> {
+    /// The steps in which segments are gone through, once they are known to follow what was
+    /// pushed so far.
+    fn schedule<'a>(&mut self, segments: &'a [Range<usize>]) -> Result<Schedule<'a>, Error> {
+        let radius = self.gaussian.t.radius();
+        let passes = Passes::new(segments, self.segments, self.plan.block, radius);
         for segment in segments {
             let (start, end) = (segment.start, segment.end);
             if start != self.next || end <= start || end > self.shape[0] {
@@ -187,6 +165,66 @@ impl Session {
             }
             self.segments += 1;
             self.next = end;
+        }
+        // Two at least, so that filtering and following go on at once.
+        let strips = rayon::current_num_threads().max(2);
+        self.scratch.resize_with(strips.max(self.scratch.len()), Scratch::default);
+        Ok(Schedule::new(passes, self.shape[1], strips, self.gaussian.y.radius()))
+    }
+
+    /// Room for what a step needs to have read.
+    fn rooms(&mut self, step: Option<&Step>) -> Vec<(Range<usize>, Block)> {
+        step.map_or_else(Vec::new, |step| self.window.rooms(step.reads.clone()))
+    }
+
+    /// What was read for a step comes into the window; rows that no filter sees any more leave it.
+    fn take_in(&mut self, step: &Step, blocks: Vec<Block>) {
+        for block in blocks {
+            self.nonfinite += block.nonfinite;
+            self.window.push(block);
+        }
+        self.window.retire(step.rows.start.saturating_sub(self.gaussian.y.radius()));
+    }
+
+    /// Filters the rows of a step; meanwhile follows events through the step before and reads what
+    /// the step after needs.
+    fn work(
+        &mut self,
+        step: &Step,
+        before: Option<Followable>,
+        reader: &Reader<'_>,
+        after: Option<&Step>,
+        keeps: bool,
+    ) -> Result<Worked, Error> {
+        let rooms = self.rooms(after);
+        let [_, rows, columns] = self.shape;
+        let Self { gaussian, threshold, plan, counts, tracker, window, scratch, keep, .. } = self;
+        let kept = keeps.then(|| {
+            keep.resize(step.pass.steps() * rows * columns, 0.0);
+            &mut keep[..]
+        });
+        let wave = Wave {
+            gaussian,
+            threshold: *threshold,
+            connectivity: tracker.connectivity(),
+            window,
+            parts: &step.pass.parts,
+            rows: step.rows.clone(),
+            batch: plan.batch,
+        };
+        let (followed, (slabs, read)) = rayon::join(
+            || before.map_or(Ok(0), |before| before.follow(tracker, plan.events_bytes)),
+            || rayon::join(|| wave.run(counts, kept, scratch), || reader.read(after, rooms)),
+        );
+        Ok(Worked { timesteps: followed?, slabs, read })
+    }
+
+    /// Hands on the filtered slices of a pass, of which this was the last step.
+    fn hand_on(&self, step: &Step, filtered: &mut Filtered<'_>) -> Result<(), Error> {
+        let [_, rows, columns] = self.shape;
+        let steps = step.pass.parts.iter().flat_map(|part| part.steps.clone());
+        for (timestep, slice) in steps.zip(self.keep.chunks_exact(rows * columns)) {
+            filtered(timestep, slice).map_err(Error::Filtered)?;
         }
         Ok(())
     }
@@ -209,35 +247,17 @@ impl Session {
         drop((self.window, self.scratch));
         let Tracker { durations, mut events, .. } = self.tracker;
         events.sort();
-        let pixels = self.counts.pixels();
-        // All are bounded by MAX_TIMESTEPS.
-        let counts = |of: &mut dyn Iterator<Item = u32>| {
-            Grid::from_vec(columns, rows, of.map(|n| n as i32).collect())
-        };
-        let sustained = durations.sustained().zip(pixels).map(|(a, pixel)| a.max(pixel.sustained));
-        let sustained = counts(&mut sustained.into_iter());
-        drop(durations);
-        let cumulative = counts(&mut pixels.iter().map(|pixel| pixel.cumulative));
-        let longest_run = counts(&mut pixels.iter().map(|pixel| pixel.longest_run));
-        let (mut days, mut longest_day, mut cumulative_h) = (None, None, None);
-        if let Some(yearly) = self.counts.yearly() {
-            let grid = |data| Grid::from_vec(columns, rows, data);
-            days = Some(grid(yearly.iter().map(|pixel| pixel.days).collect()));
-            longest_day = Some(grid(yearly.iter().map(|pixel| pixel.longest_day).collect()));
-            let hours = yearly.iter().map(|pixel| pixel.hours as f32).collect();
-            cumulative_h = Some(Grid::from_vec(columns, rows, hours));
-        }
-        Ok(Analysis {
-            cumulative,
-            sustained,
-            longest_run,
-            days,
-            longest_day,
-            cumulative_h,
-            events,
-            nonfinite: self.nonfinite,
-        })
+        Ok(Analysis::new([rows, columns], &self.counts, durations, events, self.nonfinite))
     }
+}
+
+/// What came of the work on a step.
+struct Worked {
+    /// How many timesteps are done.
+    timesteps: u64,
+    slabs: Vec<Vec<Slab>>,
+    /// What was read for the step after, or why it wasn't.
+    read: Result<Vec<Block>, Error>,
 }
 
 /// Reads rows of tiles.
@@ -247,49 +267,51 @@ struct Reader<'a> {
 }
 
 impl Reader<'_> {
-    /// Reads rows of tiles at the timesteps of a pass, into room for each of them.
-    fn read(&self, pass: &Pass, rooms: Vec<(Range<usize>, Block)>) -> Result<Vec<Block>, Error> {
-        if pass.reads.is_empty() {
-            return Ok(Vec::new());
-        }
+    /// Reads rows of tiles at the timesteps of a step, into room for each of them.
+    fn read(
+        &self,
+        step: Option<&Step>,
+        rooms: Vec<(Range<usize>, Block)>,
+    ) -> Result<Vec<Block>, Error> {
+        let Some(step) = step else { return Ok(Vec::new()) };
         let read = |(rows, block): (Range<usize>, Block)| {
-            block.read(self.source, pass.reads.clone(), rows, self.allow_nonfinite)
+            block.read(self.source, step.pass.reads.clone(), rows, self.allow_nonfinite)
         };
-        // Of several errors the topmost is told, whatever the threads.
+        // Of several errors the topmost is returned, whatever the threads.
         let all: Vec<_> = rooms.into_par_iter().with_max_len(1).map(read).collect();
         all.into_iter().collect()
     }
 }
 
-/// What was found in a wave.
-struct Found {
+/// A step that was filtered.
+struct Followable {
+    step: Step,
+    /// For each strip a slab for each part.
     slabs: Vec<Vec<Slab>>,
-    /// The parts of its pass, if it is the first wave.
-    begins: Option<Vec<Part>>,
-    /// How many timesteps the pass had, if it is the last wave.
-    ends: Option<usize>,
 }
 
-impl Found {
-    /// Follows events through the wave; how many timesteps are done by that.
-    fn follow(self, tracker: &mut Tracker, plan: &Plan) -> Result<u64, Error> {
-        if let Some(parts) = &self.begins {
-            tracker.begin(parts);
+impl Followable {
+    /// Follows events through the step; how many timesteps are done by that.
+    fn follow(self, tracker: &mut Tracker, events_bytes: u64) -> Result<u64, Error> {
+        let Self { step, slabs } = self;
+        if step.begins() {
+            tracker.begin(&step.pass.parts);
         }
-        for slabs in self.slabs {
+        for slabs in slabs {
             tracker.add(slabs).map_err(Error::Spill)?;
             let found = tracker.bytes() as u64;
-            if found > plan.events_bytes {
+            if found > events_bytes {
                 return Err(Error::Events {
                     timestep: tracker.timestep(),
                     found_mib: found >> 20,
-                    allowed_mib: plan.events_bytes >> 20,
+                    allowed_mib: events_bytes >> 20,
                 });
             }
         }
-        if self.ends.is_some() {
-            tracker.end().map_err(Error::Spill)?;
+        if !step.ends {
+            return Ok(0);
         }
-        Ok(self.ends.unwrap_or(0) as u64)
+        tracker.end().map_err(Error::Spill)?;
+        Ok(step.pass.steps() as u64)
     }
 }

@@ -1,7 +1,7 @@
 use std::path::PathBuf;
 
 use super::error::Error;
-use super::filter::kernel::Kernel;
+use super::filter::kernel::{Gaussian, Kernel};
 
 /// Which voxels are neighbours.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
@@ -83,21 +83,23 @@ impl Default for Settings {
 impl Settings {
     /// The threshold as it is compared.
     pub(super) fn threshold_f32(&self) -> Result<f32, Error> {
-        let rounded = self.threshold as f32;
-        if self.threshold.is_finite() && rounded.is_finite() && self.threshold >= 0.0 {
-            Ok(rounded)
-        } else {
-            Err(Error::Threshold(self.threshold))
-        }
+        comparable(self.threshold)
     }
 
     /// The filter along t, y and x.
-    pub(super) fn kernels(&self) -> Result<[Kernel; 3], Error> {
+    pub(super) fn gaussian(&self) -> Result<Gaussian, Error> {
         if !(self.truncate.is_finite() && self.truncate >= 0.0) {
             return Err(Error::Truncate(self.truncate));
         }
         let kernel = |axis, value| Kernel::gaussian(axis, value, self.truncate);
         let [t, y, x] = self.sigma;
-        Ok([kernel('t', t)?, kernel('y', y)?, kernel('x', x)?])
+        Ok(Gaussian { t: kernel('t', t)?, y: kernel('y', y)?, x: kernel('x', x)? })
     }
+}
+
+/// A threshold, W/m2, rounded to what it is compared with.
+pub(super) fn comparable(threshold_w_m2: f64) -> Result<f32, Error> {
+    let rounded = threshold_w_m2 as f32;
+    let usable = threshold_w_m2 >= 0.0 && rounded.is_finite();
+    if usable { Ok(rounded) } else { Err(Error::Threshold(threshold_w_m2)) }
 }

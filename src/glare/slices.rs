@@ -1,20 +1,8 @@
-use std::error::Error as StdError;
 use std::ops::Range;
 
-use crate::base::FaultKind;
-use crate::base::limits::TILE_EDGE;
-use crate::volume::{self, Volume};
-
-/// Why a volume's slices could not be read.
-#[derive(Debug, thiserror::Error)]
-#[error("the volume can't be read")]
-pub struct ReadFailure {
-    /// What it means for the process.
-    pub kind: FaultKind,
-    /// The volume's own error.
-    #[source]
-    pub source: Box<dyn StdError + Send + Sync>,
-}
+use super::error::{Error, ReadFailure};
+use crate::base::limits::{MAX_TIMESTEPS, MAX_VIEW_PIXELS, TILE_EDGE};
+use crate::volume::Volume;
 
 /// What a volume knows of its timesteps' place in the year.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -76,10 +64,13 @@ pub trait Slices: Sync {
     }
 }
 
-impl From<volume::Error> for ReadFailure {
-    fn from(source: volume::Error) -> Self {
-        Self { kind: source.kind(), source: Box::new(source) }
-    }
+/// A shape that numbers of the analysis can count.
+pub(super) fn checked(shape: [usize; 3]) -> Result<[usize; 3], Error> {
+    let [timesteps, rows, columns] = shape;
+    let pixels = rows.checked_mul(columns);
+    let fits = pixels.is_some_and(|p| (1..=MAX_VIEW_PIXELS).contains(&p))
+        && (1..=MAX_TIMESTEPS).contains(&timesteps);
+    if fits { Ok(shape) } else { Err(Error::Shape(timesteps, rows, columns)) }
 }
 
 impl Slices for Volume {

@@ -1,38 +1,12 @@
-use std::io;
 use std::ops::Range;
 
+use super::analysis::{Analysis, Filtered};
 use super::error::Error;
-use super::events::list::Events;
 use super::plan::Plan;
 use super::session::Session;
 use super::settings::Settings;
 use super::slices::Slices;
-use crate::base::{Grid, Progress, limits};
-
-/// Takes the filtered volume, slice by slice: timestep and `[row, column]` in W/m2.
-pub type Filtered<'a> = &'a mut dyn FnMut(usize, &[f32]) -> io::Result<()>;
-
-/// What the analysis found. Grids are `[row, column]`, row 0 at the top.
-#[derive(Debug)]
-pub struct Analysis {
-    /// Timesteps above the threshold.
-    pub cumulative: Grid<i32>,
-    /// The most timesteps that one event has at the pixel: the paper's measure.
-    pub sustained: Grid<i32>,
-    /// The longest uninterrupted run of timesteps inside one segment.
-    pub longest_run: Grid<i32>,
-    /// Days with glare, where the volume has a calendar.
-    pub days: Option<Grid<i32>>,
-    /// The most timesteps above the threshold on one day, where the volume has a calendar.
-    pub longest_day: Option<Grid<i32>>,
-    /// Hours of the year above the threshold (the sum of the timesteps' weights), where the
-    /// volume has a calendar.
-    pub cumulative_h: Option<Grid<f32>>,
-    /// All events, sorted.
-    pub events: Events,
-    /// How many voxels of the volume are NaN or infinite.
-    pub nonfinite: u64,
-}
+use crate::base::Progress;
 
 /// Analyses a volume: smooths it, segment by segment, and finds what lies above the threshold.
 ///
@@ -80,13 +54,4 @@ pub fn analyse_planned(
     session.push(volume, segments, filtered, progress)?;
     progress.finish();
     session.finish()
-}
-
-/// A shape that numbers of the analysis can count.
-pub(super) fn checked(shape: [usize; 3]) -> Result<[usize; 3], Error> {
-    let [timesteps, rows, columns] = shape;
-    let pixels = rows.checked_mul(columns);
-    let fits = pixels.is_some_and(|p| (1..=limits::MAX_VIEW_PIXELS).contains(&p))
-        && (1..=limits::MAX_TIMESTEPS).contains(&timesteps);
-    if fits { Ok(shape) } else { Err(Error::Shape(timesteps, rows, columns)) }
 }

@@ -1,8 +1,11 @@
+//! A batch of a year, from a renderer's tiles to the slices of the analysis, in memory.
+
 use std::io;
 use std::ops::Range;
 use std::sync::OnceLock;
 
-use super::slices::{ReadFailure, Slices};
+use super::error::ReadFailure;
+use super::slices::Slices;
 use crate::base::limits::{MAX_TIMESTEPS, TILE_EDGE};
 use crate::base::{FaultKind, SeriesEntry, SinkError, TileRect, TileSink};
 

@@ -8,8 +8,8 @@ use glintmap_formats::checksum::crc32c_append;
 use glintmap_formats::records::{Packer, Unpacker};
 
 use super::Error;
-use super::morton::LEVELS;
 use super::packed::{Packed, RECORD_BYTES};
+use crate::base::morton::LEVELS;
 
 pub(super) const SUFFIX: &str = "photons";
 

@@ -13,9 +13,9 @@ use rayon::prelude::*;
 
 use super::Error;
 use super::bucket::Bucket;
+use super::cube::Cube;
 use super::facts::{About, Facts, Layout, Sums};
 use super::half_built::{self, Checkpoints};
-use super::morton::{Cube, LEVELS};
 use super::packed::Packed;
 use super::page;
 use super::parting::{Parting, SPLIT_LEVELS, SPLIT_PREFIX};
@@ -23,6 +23,7 @@ use super::sort::{Merged, Sorted};
 use super::spill::{SpillSummary, discard};
 use super::tree::{Leaf, cut, nodes};
 use crate::base::Progress;
+use crate::base::morton::LEVELS;
 
 /// Memory that a photon takes while it is sorted, cut and compressed: 32 itself, 16 its key, the
 /// rest for its page in columns and in bytes, and what the allocator keeps of the batch before.

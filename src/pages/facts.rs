@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use super::morton::Cube;
+use super::cube::Cube;
 use crate::base::{Aabb, Provenance, SpectralBasis, Tally};
 
 /// What the store is told about the photons in it.

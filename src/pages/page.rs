@@ -8,9 +8,9 @@ use glam::Vec3;
 use glintmap_formats::gmp::{Columns, Flux};
 
 use super::facts::Sums;
-use super::morton::{deinterleave, interleave};
 use super::packed::Packed;
 use super::quantise::{flux, flux_code, unit};
+use crate::base::morton::{deinterleave, interleave};
 use crate::base::{Aabb, Photon};
 
 /// Photons whose box is kept: the unit in which a search looks at a page.

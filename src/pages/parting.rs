@@ -7,10 +7,11 @@ use glintmap_formats::records::Packer;
 
 use super::Error;
 use super::bucket::{Bucket, SUFFIX};
+use super::cube::Cube;
 use super::half_built::NAME as BUILDING;
-use super::morton::{Cube, LEVELS};
 use super::packed::{Packed, RECORD_BYTES};
 use super::spill::{CHECKPOINT, SUMMARY};
+use crate::base::morton::LEVELS;
 
 /// Levels of the octree by which photons are parted at once: 4,096 buckets.
 pub(super) const SPLIT_LEVELS: u32 = 4;

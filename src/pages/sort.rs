@@ -11,7 +11,7 @@ use rayon::prelude::*;
 
 use super::Error;
 use super::bucket::Bucket;
-use super::morton::Cube;
+use super::cube::Cube;
 use super::packed::{Packed, RECORD_BYTES};
 
 /// Photons of some neighbouring buckets, sorted.

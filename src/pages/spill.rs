@@ -8,7 +8,7 @@ use glintmap_formats::seal;
 
 use super::Error;
 use super::bucket::Bucket;
-use super::morton::Cube;
+use super::cube::Cube;
 use super::packed::Packed;
 use super::parting::{Parting, SPLIT_LEVELS, remove_files};
 use crate::base::{Aabb, Photon, PhotonSink, Progress, SinkError};

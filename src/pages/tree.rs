@@ -5,8 +5,8 @@ use std::ops::Range;
 
 use glintmap_formats::gmp::{Node, PageEntry};
 
-use super::morton::LEVELS;
 use crate::base::Aabb;
+use crate::base::morton::LEVELS;
 
 /// Photons of neighbouring cells that share a leaf.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -1,3 +1,9 @@
+//! A canvas of pixels and the masks that are stamped onto it: all that figures are drawn with.
+//!
+//! Lines and letters become a [`Mask`] of coverage first, and a mask is blended in one go, so that
+//! a line that crosses itself isn't darker there. Everything is clipped; a place outside is no
+//! error.
+
 use crate::base::Grid;
 
 /// A display colour.

@@ -1,3 +1,5 @@
+//! Rasters with named channels, and the sizes that a file may claim.
+
 use std::path::Path;
 
 use super::Error;
@@ -20,13 +22,6 @@ impl Channels {
     /// A raster without channels.
     pub fn new(columns: usize, rows: usize) -> Self {
         Self { columns, rows, list: Vec::new(), attributes: Vec::new() }
-    }
-
-    /// A raster of one channel.
-    pub fn single(name: &str, grid: Grid<f32>) -> Self {
-        let mut out = Self::new(grid.columns(), grid.rows());
-        out.list.push((name.to_owned(), grid));
-        out
     }
 
     /// A raster with the channels R, G and B.

@@ -5,7 +5,7 @@ use std::path::Path;
 
 use super::canvas::{Canvas, HAIRLINE, INK, Mask, Rect, SOFT_INK, WHITE};
 use super::figure::Polyline;
-use super::text::{Lettering, Style, Weight};
+use super::text::{Lettering, SetLine, Style, Weight};
 use super::{Error, png};
 use crate::base::Grid;
 
@@ -13,6 +13,8 @@ use crate::base::Grid;
 const EM: f64 = 17.0;
 /// Size of the plot, pixels.
 const PLOT: [i64; 2] = [1120, 430];
+/// From one line of a paragraph to the next, ems.
+const LEADING: f64 = 1.4;
 /// Space around everything, pixels.
 const MARGIN: f64 = 28.0;
 
@@ -131,18 +133,21 @@ impl Chart {
         let beside = self.y.words.iter().map(|(_, w)| words(w)).fold(0.0, f64::max);
         let left = (MARGIN + beside + 0.9 * EM).round();
         let width = left + PLOT[0] as f64 + MARGIN;
-        let mut lines: Vec<(String, (f64, f64), Style)> = Vec::new();
+        let mut lines: Vec<SetLine> = Vec::new();
+        let set = |lines: &mut Vec<SetLine>, text: &str, style, at, width| {
+            letters.set(lines, text, style, at, (width, LEADING))
+        };
         let mut y = MARGIN;
         for (text, style) in [
             (&self.title, Style::new(1.4 * EM, INK).bold()),
             (&self.subtitle, Style::new(EM, SOFT_INK)),
         ] {
-            y = paragraph(&mut lines, &letters, text, style, (MARGIN, y), width - 2.0 * MARGIN);
+            y = set(&mut lines, text, style, (MARGIN, y), width - 2.0 * MARGIN);
         }
         y += 0.5 * EM;
         if !self.y.label.is_empty() {
             let style = Style::new(0.82 * EM, SOFT_INK);
-            y = paragraph(&mut lines, &letters, &self.y.label, style, (MARGIN, y), width);
+            y = set(&mut lines, &self.y.label, style, (MARGIN, y), width);
             y += 0.6 * EM;
         }
         let plot = Rect { x: left as i64, y: y.round() as i64, width: PLOT[0], height: PLOT[1] };
@@ -150,17 +155,17 @@ impl Chart {
         for (at, text) in &self.x.words {
             let middle = plot.x as f64 + self.x.position(*at) * plot.width as f64;
             let at = (middle - words(text) / 2.0, y + 1.25 * EM);
-            lines.push((text.clone(), at, Style::new(0.9 * EM, INK)));
+            lines.push(SetLine { text: text.clone(), at, style: Style::new(0.9 * EM, INK) });
         }
         for (at, text) in &self.y.words {
             let middle = plot.bottom() as f64 - self.y.position(*at) * plot.height as f64;
             let at = (left - 0.6 * EM - words(text), middle + 0.32 * EM);
-            lines.push((text.clone(), at, Style::new(0.9 * EM, INK)));
+            lines.push(SetLine { text: text.clone(), at, style: Style::new(0.9 * EM, INK) });
         }
         y += 1.9 * EM;
         if !self.x.label.is_empty() {
             let style = Style::new(0.82 * EM, SOFT_INK);
-            y = paragraph(&mut lines, &letters, &self.x.label, style, (left, y), PLOT[0] as f64);
+            y = set(&mut lines, &self.x.label, style, (left, y), PLOT[0] as f64);
         }
         let mut swatches = Vec::new();
         let mut x = left;
@@ -175,13 +180,17 @@ impl Chart {
                 Rect { x: x as i64, y: (y + 0.45 * EM) as i64, width: side + 4, height: side };
             swatches.push((area, swatch.color));
             let at = (x + 1.5 * EM, y + 1.25 * EM);
-            lines.push((swatch.label.clone(), at, Style::new(0.9 * EM, INK)));
+            lines.push(SetLine {
+                text: swatch.label.clone(),
+                at,
+                style: Style::new(0.9 * EM, INK),
+            });
             x += long + 1.3 * EM;
         }
         y += if self.key.is_empty() { 0.0 } else { row + 0.4 * EM };
         for text in self.caption.iter().filter(|c| !c.is_empty()) {
             let style = Style::new(0.82 * EM, SOFT_INK);
-            y = paragraph(&mut lines, &letters, text, style, (MARGIN, y), width - 2.0 * MARGIN);
+            y = set(&mut lines, text, style, (MARGIN, y), width - 2.0 * MARGIN);
         }
         let mut canvas = Canvas::new(width as usize, (y + MARGIN).ceil() as usize, WHITE);
         self.plot(&mut canvas, plot, &letters);
@@ -189,9 +198,7 @@ impl Chart {
             canvas.fill(area, color, 1.0);
             canvas.frame(area, 1, HAIRLINE);
         }
-        for (text, at, style) in &lines {
-            letters.draw(&mut canvas, text, *at, style);
-        }
+        letters.draw_all(&mut canvas, &lines);
         canvas.into_pixels()
     }
 
@@ -251,25 +258,6 @@ impl Chart {
     pub fn write_png(&self, path: &Path, texts: &[(String, String)]) -> Result<(), Error> {
         png::write(path, &self.draw(), texts)
     }
-}
-
-/// Sets a paragraph below `y` and returns where it ends.
-fn paragraph(
-    lines: &mut Vec<(String, (f64, f64), Style)>,
-    letters: &Lettering,
-    text: &str,
-    style: Style,
-    (x, mut y): (f64, f64),
-    width: f64,
-) -> f64 {
-    if text.is_empty() {
-        return y;
-    }
-    for line in letters.wrap(text, style.size, style.weight, width) {
-        lines.push((line, (x, (y + style.size).round()), style));
-        y += 1.4 * style.size;
-    }
-    y
 }
 
 #[cfg(test)]

@@ -1,12 +1,15 @@
 use super::Figure;
 use super::canvas::{Canvas, INK, Rect, SOFT_INK};
 use super::legend::{Block, Side};
-use super::text::{Lettering, Style, Weight};
+use super::text::{Lettering, SetLine, Style, Weight};
 
 /// Width that a small picture is enlarged to, about.
 const WIDTH: f64 = 900.0;
 /// Height beyond which a picture isn't enlarged.
 const HEIGHT: f64 = 1800.0;
+
+/// From one line of a paragraph to the next, ems.
+const LEADING: f64 = 1.36;
 
 /// Where everything lies on the sheet, in pixels of the sheet.
 pub(super) struct Layout {
@@ -21,7 +24,7 @@ pub(super) struct Layout {
     pub legend: Option<Block>,
     /// Base line of the labels below the picture.
     pub axis_y: f64,
-    texts: Vec<(String, (f64, f64), Style)>,
+    texts: Vec<SetLine>,
 }
 
 impl Layout {
@@ -97,29 +100,21 @@ impl Layout {
     }
 
     pub(super) fn draw_texts(&self, canvas: &mut Canvas, letters: &Lettering) {
-        for (text, at, style) in &self.texts {
-            letters.draw(canvas, text, *at, style);
-        }
+        letters.draw_all(canvas, &self.texts);
     }
 }
 
-/// Sets a paragraph below `y` and returns where it ends.
+/// Sets a paragraph; a little more space follows bold ones.
 fn place(
-    texts: &mut Vec<(String, (f64, f64), Style)>,
+    texts: &mut Vec<SetLine>,
     letters: &Lettering,
     text: &str,
     style: Style,
-    (x, mut y): (f64, f64),
+    at: (f64, f64),
     width: f64,
 ) -> f64 {
-    if text.is_empty() {
-        return y;
-    }
-    for line in letters.wrap(text, style.size, style.weight, width) {
-        texts.push((line, (x, (y + 1.0 * style.size).round()), style));
-        y += 1.36 * style.size;
-    }
-    y + if style.weight == Weight::Bold { 0.1 * style.size } else { 0.0 }
+    let space = if style.weight == Weight::Bold && !text.is_empty() { 0.1 } else { 0.0 };
+    letters.set(texts, text, style, at, (width, LEADING)) + space * style.size
 }
 
 fn factor(columns: usize, rows: usize) -> usize {

@@ -1,7 +1,11 @@
+//! The legend of a figure: the colour bar, its ticks and the notes below it.
+//!
+//! Its size has to be known before the sheet can be laid out, and its place only afterwards: so
+//! [`Block::of`] measures, the layout places, and [`draw`] draws.
+
 use super::Figure;
 use super::canvas::{Canvas, HAIRLINE, INK, Rect, SOFT_INK, mix};
 use super::compose::{BARE, Contours, colored};
-use super::layout::Layout;
 use super::scale::{Below, Scale, Tick, format_value};
 use super::text::{Lettering, Style, Weight};
 use crate::base::Grid;
@@ -157,9 +161,13 @@ fn thinned(scale: &Scale) -> Vec<Tick> {
     out
 }
 
-pub(super) fn draw(canvas: &mut Canvas, figure: &Figure<'_>, layout: &Layout, letters: &Lettering) {
-    let Some(block) = &layout.legend else { return };
-    let em = layout.em;
+pub(super) fn draw(
+    canvas: &mut Canvas,
+    figure: &Figure<'_>,
+    block: &Block,
+    em: f64,
+    letters: &Lettering,
+) {
     let (x, mut y) = block.at;
     for line in &block.heading {
         letters.draw(canvas, line, (x, y + em), &Style::new(em, INK).bold());

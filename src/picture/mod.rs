@@ -12,6 +12,7 @@ mod canvas;
 mod channels;
 pub mod chart;
 pub mod compose;
+mod draw;
 mod error;
 pub mod exr;
 pub mod figure;

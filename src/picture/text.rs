@@ -1,3 +1,7 @@
+//! Lettering: the embedded typeface, measured, wrapped and drawn.
+//!
+//! The typeface is part of the program, so that a figure looks the same on every machine.
+
 use ab_glyph::{Font as _, FontRef, GlyphId, PxScale, ScaleFont as _, point};
 
 use super::canvas::{Canvas, Color, Mask, Rect};
@@ -103,6 +107,32 @@ impl Lettering {
         canvas.stamp(&mask, style.color, 1.0);
     }
 
+    /// Sets a paragraph below `y`, its lines `leading` ems apart, and returns where it ends.
+    pub(super) fn set(
+        &self,
+        lines: &mut Vec<SetLine>,
+        text: &str,
+        style: Style,
+        (x, mut y): (f64, f64),
+        (width, leading): (f64, f64),
+    ) -> f64 {
+        if text.is_empty() {
+            return y;
+        }
+        for text in self.wrap(text, style.size, style.weight, width) {
+            lines.push(SetLine { text, at: (x, (y + style.size).round()), style });
+            y += leading * style.size;
+        }
+        y
+    }
+
+    /// Draws lines that were set.
+    pub(super) fn draw_all(&self, canvas: &mut Canvas, lines: &[SetLine]) {
+        for line in lines {
+            self.draw(canvas, &line.text, line.at, &line.style);
+        }
+    }
+
     /// Breaks text into lines of at most `width` pixels; words that are longer are cut.
     pub(super) fn wrap(&self, text: &str, size: f64, weight: Weight, width: f64) -> Vec<String> {
         let fits = |line: &str| self.width(line, size, weight) <= width;
@@ -131,6 +161,13 @@ impl Lettering {
         }
         lines
     }
+}
+
+/// A line of text, where it begins on its base line, and how it looks.
+pub(super) struct SetLine {
+    pub text: String,
+    pub at: (f64, f64),
+    pub style: Style,
 }
 
 /// How a line of text looks.

@@ -293,8 +293,8 @@ impl Folder {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::base::Irradiance;
     use crate::glare::YearMap;
-    use crate::render::Quantity;
 
     #[test]
     fn names_are_those_that_the_documentation_promises() {
@@ -306,10 +306,10 @@ mod tests {
             name(Map::Glare(10.0, run)),
             "standard/plan/glare-10/unfiltered/longest_run_h.exr"
         );
-        let series = |quantity| SeriesOf { quantity, asked: Quantity::Surface };
+        let series = |quantity| SeriesOf { quantity, asked: Irradiance::Surface };
         let of = |quantity| folder.series_of("a", "b", series(quantity));
-        assert_eq!(of(Quantity::Surface), folder.series("a", "b"));
-        assert_eq!(of(Quantity::Normal), Path::new("a/b/series_normal.zarr"));
+        assert_eq!(of(Irradiance::Surface), folder.series("a", "b"));
+        assert_eq!(of(Irradiance::FacingBeam), Path::new("a/b/series_normal.zarr"));
         let receiver = ReceiverId { number: 0, name: "Église, tower" };
         let chart = folder.receiver("a", "receivers", receiver, ReceiverFile::SurfaceChart);
         assert_eq!(chart, Path::new("a/receivers/occurrence/01-glise-tower-pv.png"));

@@ -17,19 +17,23 @@ pub struct Manifest {
     /// The program that wrote it.
     pub program: String,
     /// By name of the unit: `suns`, `trace standard`, `render standard plan`, ….
-    pub units: BTreeMap<String, Unit>,
+    pub units: BTreeMap<String, Done>,
+    /// Units that were begun and not finished, each with its key: what lies there of one is gone
+    /// on with under the same key only. A finished run has none.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub begun: BTreeMap<String, String>,
 }
 
 /// One unit of work that is done.
 #[derive(Clone, Debug, Deserialize, Serialize, PartialEq, Eq)]
-pub struct Unit {
+pub struct Done {
     /// Hash of all that decides its outputs: settings, inputs, the units before it.
     pub key: String,
     /// Hash of each output by its path below `run/`. A folder has one hash over its files.
     pub outputs: BTreeMap<String, String>,
 }
 
-impl Unit {
+impl Done {
     /// Whether all that it left behind is still there.
     pub fn is_whole(&self, run: &Path) -> bool {
         self.outputs.keys().all(|o| run.join(o).exists())
@@ -85,7 +89,8 @@ impl Manifest {
             hashes.insert(output.to_string_lossy().replace('\\', "/"), hash);
         }
         self.program = crate::base::Provenance::PROGRAM.into();
-        self.units.insert(unit.into(), Unit { key: key.into(), outputs: hashes });
+        self.units.insert(unit.into(), Done { key: key.into(), outputs: hashes });
+        self.begun.remove(unit);
         self.write(run)
     }
 }
@@ -111,14 +116,4 @@ pub fn hash_path(path: &Path) -> io::Result<String> {
     let mut hasher = blake3::Hasher::new();
     hasher.update_reader(File::open(path)?)?;
     Ok(hasher.finalize().to_hex().to_string())
-}
-
-/// Hash of anything that can be written as JSON, with a word that says what it is for.
-///
-/// # Errors
-/// When it can't be written as JSON (a number that isn't finite).
-pub fn key_of(what: &str, facts: &impl Serialize) -> Result<String, Error> {
-    let json = serde_json::to_vec(&(crate::base::Provenance::PROGRAM, what, facts))
-        .map_err(io::Error::from)?;
-    Ok(blake3::hash(&json).to_hex().to_string())
 }

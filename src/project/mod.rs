@@ -8,6 +8,7 @@ pub mod artifacts;
 mod create;
 mod error;
 mod folder;
+pub mod keys;
 mod manifest;
 mod read;
 mod reader;
@@ -17,17 +18,19 @@ mod set;
 mod shard;
 mod tables;
 mod view_tables;
+mod views;
 
-pub use artifacts::{GlareMap, MOMENTS, Map, RECEIVERS, SeriesOf};
+pub use artifacts::{GlareMap, Map, SeriesOf};
 pub use create::{Demo, NewScene, Quality, SiteAt, create, demo};
 pub use error::Error;
 pub use folder::Folder;
-pub use manifest::{Manifest, Unit, hash_path, key_of};
-pub use resolve::{
-    Camera, Candidate, DRAFT_BELOW_PHOTONS, Made, PlannedMoment, PlannedView, Points, Resolved,
-};
+pub use manifest::{Manifest, hash_path};
+pub use resolve::{Camera, Candidate, DRAFT_BELOW_PHOTONS, MOMENTS, Made, PlannedMoment, Resolved};
 pub use results::Results;
 pub use set::Assignment;
 pub use shard::Shard;
 pub use tables::{MaterialTable, Project, SiteTable};
 pub use view_tables::{Ids, MomentTable, ObserverTable, RegionTable, ViewTable};
+pub use views::{
+    Estimator, PhotonGather, Picture, PlannedView, Points, RECEIVERS, SeriesKept, Sight, Target,
+};

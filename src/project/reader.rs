@@ -12,10 +12,11 @@ use std::{fs, io};
 
 use glam::DVec3;
 
-use super::artifacts::{MOMENTS, RECEIVERS};
 use super::error::Error;
 use super::manifest::hash_path;
+use super::resolve::MOMENTS;
 use super::tables::{DayEntry, FileEntry, HorizonEntry, HoursTable, OriginEntry, Project, PvTable};
+use super::views::RECEIVERS;
 use crate::base::limits;
 use crate::site::{Files, Origin, PvArray, PvSpec, SceneFile, SceneSpec, Season};
 use crate::sky::{DayRange, FarHorizon, HourRange, Irradiance, Place, SunModel, TimeSpec, Weather};

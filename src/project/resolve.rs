@@ -1,5 +1,4 @@
-//! The plan of a run: what the project file says, checked and in the rooms' own words, and the
-//! keys that say what decides each output.
+//! The plan of a run: what the project file says, checked and in the rooms' own words.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -7,17 +6,14 @@ use std::path::{Path, PathBuf};
 use serde::Serialize;
 
 use super::error::Error;
-use super::manifest::key_of;
 use super::read::read;
 use super::reader::Reader;
 use super::set::Assignment;
-use super::tables::{FileEntry, Project};
-use super::view_tables::{ObserverTable, RegionTable};
-use crate::base::Timeline;
+use super::tables::Project;
+use super::views::{Picture, PlannedView, Points, Target};
+use crate::base::{Irradiance, Timeline};
 use crate::bsdf::{Bsdf, Model, Side, Spectrum};
 use crate::glare;
-use crate::render::sensors::Sensor;
-use crate::render::{Gather, Quantity, View};
 use crate::rules::Profile;
 use crate::site::{PvSpec, SceneSpec};
 use crate::sky::{self, FarHorizon, Place, TimeSpec};
@@ -59,33 +55,6 @@ pub struct Candidate {
     pub notes: Vec<String>,
 }
 
-/// A view and how it is rendered.
-#[derive(Clone, Debug)]
-pub struct PlannedView {
-    /// Names the folder of its results.
-    pub name: String,
-    /// As written.
-    pub options: String,
-    /// The camera.
-    pub view: View,
-    /// How the annual map is gathered; the defaults where it is integrated directly.
-    pub annual: Gather,
-    /// Analysed as rendered: no series is kept.
-    pub fuse: bool,
-    /// The other irradiance gets a series, too.
-    pub both: bool,
-    /// How the series is gathered; its bandwidth is fixed once the timesteps are known.
-    pub series_bandwidth: Option<usize>,
-    /// Whether the discs of the series end where those of the annual map do.
-    pub series_edges: bool,
-    /// Bits of mantissa that the series keeps, or, of a fused view, that its numbers have.
-    pub mantissa_bits: u32,
-    /// Whether it is integrated directly, without photons.
-    pub direct: bool,
-    /// Points instead of pixels: `view` then means nothing, and the hits say how many there are.
-    pub points: Option<Points>,
-}
-
 /// A picture of luminances.
 #[derive(Clone, Debug, Serialize)]
 pub struct PlannedMoment {
@@ -115,25 +84,9 @@ pub enum Camera {
     },
 }
 
-/// Where the points of a set of sensors come from.
-#[derive(Clone, Debug, Serialize)]
-pub enum Points {
-    /// A file of `[[view]] sensors`.
-    File {
-        /// Hash of the file.
-        hash: String,
-        /// What it holds.
-        #[serde(skip)]
-        sensors: Vec<Sensor>,
-        /// Whether that is in map coordinates.
-        map: bool,
-    },
-    /// All `[[observer]]`s and `[[region]]`s.
-    Receivers,
-}
-
 /// Points of a region, about, before it is looked up in the scene.
 const POINTS_OF_A_REGION: usize = 500;
+pub use super::artifacts::MOMENTS;
 
 /// A project, checked, with all defaults filled in.
 #[derive(Clone, Debug)]
@@ -166,7 +119,7 @@ pub struct Resolved {
     /// How photons are traced.
     pub trace: trace::Settings,
     /// What is compared with the thresholds.
-    pub quantity: Quantity,
+    pub quantity: Irradiance,
     /// How glare is found; the threshold is filled in for each.
     pub glare: glare::Settings,
     /// What it is judged by.
@@ -231,10 +184,10 @@ impl Resolved {
     /// How many pixels a view has, or points a set; of regions about how many, as that is known
     /// once they are looked up in the scene.
     pub fn pixels(&self, view: &PlannedView) -> usize {
-        match &view.points {
-            None => view.view.columns() * view.view.rows(),
-            Some(Points::File { sensors, .. }) => sensors.len(),
-            Some(Points::Receivers) => {
+        match &view.target {
+            Target::Picture(Picture { size: [columns, rows], .. }) => columns * rows,
+            Target::Points(Points::File { sensors, .. }) => sensors.len(),
+            Target::Points(Points::Receivers) => {
                 self.project.observer.len() + POINTS_OF_A_REGION * self.project.region.len()
             }
         }
@@ -252,14 +205,14 @@ impl Resolved {
 
     /// Whether pictures of a view, or charts of a set of points, are marked as a draft.
     pub fn is_draft_of(&self, view: &PlannedView) -> bool {
-        self.is_draft() && !view.direct
+        self.is_draft() && !view.is_direct()
     }
 
     /// Whether any view, sensor, observer or region is made of photons; without any of them photons
     /// are all there is.
     pub fn needs_photons(&self) -> bool {
         let mut all = self.with_sensors();
-        all.next().is_none_or(|first| !first.direct || all.any(|v| !v.direct))
+        all.next().is_none_or(|first| !first.is_direct() || all.any(|v| !v.is_direct()))
     }
 
     /// Number of thresholds that glare is analysed at.
@@ -295,26 +248,6 @@ impl Resolved {
         inputs
     }
 
-    /// What decides the scene.
-    ///
-    /// # Errors
-    /// When the settings can't be hashed.
-    pub fn scene_key(&self) -> Result<String, Error> {
-        let mut scene = self.project.scene.clone();
-        // Where a file lies must not change what a run writes; its name is among the inputs.
-        for entry in &mut scene.files {
-            let (FileEntry::Path(path) | FileEntry::Table { path, .. }) = entry;
-            *path = path.file_name().unwrap_or_default().into();
-        }
-        // By the projection the site's place says where north lies.
-        let place = self.scene.convergence_at;
-        let scene = (scene, &self.project.pv, &self.inputs, place);
-        match self.scene.seasons.as_slice() {
-            [] => key_of("scene", &scene),
-            seasons => key_of("scene", &(scene, seasons)),
-        }
-    }
-
     /// The timesteps: the suns above the horizon, the far one as well.
     ///
     /// # Errors
@@ -325,176 +258,5 @@ impl Resolved {
             None => timeline,
             Some(horizon) => horizon.cut(timeline)?,
         })
-    }
-
-    /// What decides the timesteps.
-    ///
-    /// # Errors
-    /// When the settings can't be hashed.
-    pub fn suns_key(&self) -> Result<String, Error> {
-        let s = &self.project.site;
-        let place = (s.latitude, s.longitude, s.meridian, s.elevation_m);
-        // Not the weather's path: where a file lies must not change what a run writes.
-        let mut time = self.project.time.clone();
-        if let Some(hash) = &self.weather {
-            time.irradiance = toml::Value::String(hash.clone());
-        }
-        match &self.horizon {
-            None => key_of("suns", &(place, time)),
-            Some(horizon) => key_of("suns", &(place, time, horizon)),
-        }
-    }
-
-    /// What decides a candidate's photons.
-    ///
-    /// # Errors
-    /// When the settings can't be hashed.
-    pub fn photons_key(&self, candidate: &Candidate) -> Result<String, Error> {
-        let upstream = (self.scene_key()?, self.suns_key()?);
-        key_of("photons", &(upstream, &candidate.models, &self.project.photons))
-    }
-
-    /// What decides a view's hits.
-    ///
-    /// # Errors
-    /// When the settings can't be hashed.
-    pub fn hits_key(&self, view: &PlannedView) -> Result<String, Error> {
-        match &view.points {
-            None => {}
-            Some(file @ Points::File { .. }) => {
-                let path_m = (self.trace.max_path_m, self.trace.seed);
-                return key_of("sensors", &(self.scene_key()?, path_m, file));
-            }
-            Some(Points::Receivers) => return self.receivers_key(),
-        }
-        #[derive(Serialize)]
-        struct Facts<'a> {
-            scene: String,
-            view: &'a str,
-            size: (usize, usize),
-            max_path_m: f64,
-            seed: u64,
-        }
-        key_of(
-            "hits",
-            &Facts {
-                scene: self.scene_key()?,
-                view: &view.options,
-                size: (view.view.columns(), view.view.rows()),
-                max_path_m: self.trace.max_path_m,
-                seed: self.trace.seed,
-            },
-        )
-    }
-
-    /// What decides the points of the observers and regions: all but their classes.
-    fn receivers_key(&self) -> Result<String, Error> {
-        let p = &self.project;
-        let observers: Vec<_> =
-            p.observer.iter().map(|o| ObserverTable { class: None, ..o.clone() }).collect();
-        let regions: Vec<_> =
-            p.region.iter().map(|r| RegionTable { class: None, ..r.clone() }).collect();
-        // Polygons in pictures mean what the pictures see.
-        let seen = p
-            .region
-            .iter()
-            .filter_map(|r| self.views.iter().find(|v| Some(&v.name) == r.view.as_ref()))
-            .map(|v| self.hits_key(v))
-            .collect::<Result<Vec<_>, _>>()?;
-        let trace = (self.trace.max_path_m, self.trace.seed);
-        key_of("receivers", &(self.scene_key()?, trace, observers, regions, seen))
-    }
-
-    /// What decides a candidate's maps and series in a view.
-    ///
-    /// # Errors
-    /// When the settings can't be hashed.
-    pub fn render_key(&self, candidate: &Candidate, view: &PlannedView) -> Result<String, Error> {
-        let g = &view.annual;
-        if view.direct {
-            let p = &self.project.photons;
-            let scene = (self.scene_key()?, self.suns_key()?, &candidate.models);
-            let sight = (p.max_path_m, p.sun_visibility);
-            let series = (view.both, view.fuse, view.mantissa_bits);
-            let how = ("direct", sight, series, self.hits_key(view)?);
-            let names = (&candidate.name, &view.name);
-            return key_of("render", &(scene, how, &self.project.glare.quantity, names));
-        }
-        let upstream = (self.photons_key(candidate)?, self.hits_key(view)?);
-        let estimator = format!("{:?} {:?}", g.estimator, g.kernel);
-        let surface = (g.normal_tolerance_deg, g.plane_tolerance_m, g.edges);
-        let photons = (estimator, g.bandwidth, view.series_bandwidth, g.max_radius_m);
-        let series = (view.series_edges, view.fuse, view.both, view.mantissa_bits);
-        let how = (photons, surface, series);
-        // The names stand in the files, in titles and in legends.
-        let names = (&candidate.name, &view.name);
-        key_of("render", &(upstream, how, &self.project.glare.quantity, names))
-    }
-
-    /// What decides a candidate's glare analysis in a view.
-    ///
-    /// # Errors
-    /// When the settings can't be hashed.
-    pub fn glare_key(
-        &self,
-        candidate: &Candidate,
-        view: &PlannedView,
-        threshold: f64,
-    ) -> Result<String, Error> {
-        let g = &self.project.glare;
-        let render = self.render_key(candidate, view)?;
-        let glare = (threshold, g.sigma, g.truncate, g.connectivity);
-        if view.direct && self.needs_photons() {
-            // The photons of other views tell which PV surface sends an event.
-            return key_of("glare", &(render, glare, self.photons_key(candidate)?));
-        }
-        let (threshold, sigma, truncate, connectivity) = glare;
-        key_of("glare", &(render, threshold, sigma, truncate, connectivity))
-    }
-
-    /// What decides what the observers' eyes see, of all materials; `None` where nobody looks.
-    ///
-    /// # Errors
-    /// When the settings can't be hashed.
-    pub fn eyes_key(&self) -> Result<Option<String>, Error> {
-        let p = &self.project;
-        if p.observer.is_empty() {
-            return Ok(None);
-        }
-        let upstream = (self.scene_key()?, self.suns_key()?);
-        let made: Vec<_> = self.candidates.iter().map(|c| (&c.name, &c.models)).collect();
-        let g = &p.glare;
-        let judged = (&g.thresholds_w_m2, &g.quantity, g.sigma[0], g.truncate);
-        let clock = (&p.site.timezone, p.site.meridian);
-        key_of("eyes", &(upstream, made, &p.observer, judged, clock)).map(Some)
-    }
-
-    /// What decides the pictures of luminances; `None` where there are none.
-    ///
-    /// # Errors
-    /// When the settings can't be hashed.
-    pub fn moments_key(&self) -> Result<Option<String>, Error> {
-        if self.moments.is_empty() {
-            return Ok(None);
-        }
-        let upstream = (self.scene_key()?, self.suns_key()?);
-        let made: Vec<_> = self.candidates.iter().map(|c| (&c.name, &c.models)).collect();
-        let told = (&self.project.site.name, &self.project.site.timezone);
-        key_of("moments", &(upstream, made, &self.moments, &self.project.observer, told)).map(Some)
-    }
-
-    /// What decides what is read off a set of points.
-    ///
-    /// # Errors
-    /// When the settings can't be hashed.
-    pub fn received_key(&self, candidate: &Candidate, set: &PlannedView) -> Result<String, Error> {
-        let thresholds = &self.project.glare.thresholds_w_m2;
-        let key = |t: &f64| self.glare_key(candidate, set, *t);
-        let glare: Vec<String> = thresholds.iter().map(key).collect::<Result<_, _>>()?;
-        // Dates and clock times stand in the tables; outdoors not all of them count.
-        let p = &self.project;
-        let observers = p.observer.iter().map(|o| o.class);
-        let classes: Vec<_> = observers.chain(p.region.iter().map(|r| r.class)).collect();
-        key_of("received", &(glare, classes, &p.site.timezone, p.site.meridian))
     }
 }

@@ -2,7 +2,8 @@
 
 use super::artifacts::RECEIVERS;
 use super::folder::Folder;
-use super::resolve::{PlannedView, Resolved};
+use super::resolve::Resolved;
+use super::views::PlannedView;
 use crate::base::Timeline;
 use crate::rules::Class;
 

@@ -1,7 +1,7 @@
 //! Receivers in free air: which points of a set stand there, and the photons that crossed the discs
 //! at them, in a store of their own.
 
-use crate::base::GateSheet;
+use crate::base::SensorSheet;
 use crate::pages::{Access, OpenOptions, Store};
 use crate::project::{Folder, PlannedView};
 use crate::render::sensors::Footing;
@@ -18,7 +18,7 @@ pub struct InAir {
     /// Their numbers in the set, ascending.
     pub points: Vec<usize>,
     /// Their discs, side by side.
-    pub sheet: GateSheet,
+    pub sheet: SensorSheet,
     /// Of a disc, m.
     pub radius_m: f64,
 }
@@ -29,8 +29,9 @@ impl InAir {
         let footing = set.groups.iter().flat_map(|g| &g.footing);
         let points: Vec<usize> =
             footing.enumerate().filter(|(_, f)| **f == Footing::Air).map(|(i, _)| i).collect();
-        let radius_m = view.annual.max_radius_m.map_or(GATE_M, |m| GATE_M.min(f64::from(m)));
-        let sheet = GateSheet::new(points.len(), radius_m);
+        let max_radius_m = view.photons().and_then(|gather| gather.annual.max_radius_m);
+        let radius_m = max_radius_m.map_or(GATE_M, |m| GATE_M.min(f64::from(m)));
+        let sheet = SensorSheet::new(points.len(), radius_m);
         (!points.is_empty()).then_some(Self { points, sheet, radius_m })
     }
 
@@ -45,7 +46,7 @@ impl InAir {
     }
 }
 
-/// The photons that crossed the gates of a set.
+/// The photons that crossed the virtual sensors of a set.
 pub struct Crossings {
     pub air: InAir,
     pub store: Store,
@@ -74,8 +75,8 @@ impl Crossings {
     /// # Errors
     /// When the store is damaged.
     pub fn photons(&self, point: usize, mut each: impl FnMut(u32, f32, u16)) -> Result<(), Error> {
-        if let Ok(gate) = self.air.points.binary_search(&point) {
-            self.store.in_box(self.air.sheet.cell(gate), |_, photon| {
+        if let Ok(sensor) = self.air.points.binary_search(&point) {
+            self.store.in_box(self.air.sheet.cell(sensor), |_, photon| {
                 each(photon.timestep, photon.flux_w, photon.surface);
             })?;
         }

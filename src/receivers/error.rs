@@ -41,6 +41,9 @@ pub enum Error {
     /// From the room `render`.
     #[error(transparent)]
     Render(#[from] render::Error),
+    /// From the gather in the room `render`.
+    #[error(transparent)]
+    Gather(#[from] render::GatherError),
     /// From the room `volume`.
     #[error(transparent)]
     Volume(#[from] volume::Error),
@@ -64,6 +67,7 @@ impl Error {
             Self::Sky(e) => e.kind(),
             Self::Pages(e) => e.kind(),
             Self::Render(e) => e.kind(),
+            Self::Gather(e) => e.kind(),
             Self::Volume(e) => e.kind(),
             Self::Rules(e) => e.kind(),
             Self::Glare(e) => e.kind(),

@@ -3,8 +3,8 @@
 use super::eyes::{EyeYear, EyeYears, Measure};
 use super::points::Kind;
 use super::received::{AtThreshold, Banded, GroupReceived};
+use crate::base::Irradiance;
 use crate::project::Results;
-use crate::render;
 use crate::rules::{Measured, Metrics, Quantity};
 
 /// What was assumed, in the words of the rules' conditions.
@@ -49,8 +49,8 @@ pub fn metrics(
     if let (Some(eye), true) = (eye, group.not_evaluated.is_some()) {
         // Photons don't land on what sends them; the eye's irradiance is integrated there.
         let peak = match results.resolved.quantity {
-            render::Quantity::Surface => eye.irradiance_w_m2,
-            render::Quantity::Normal => eye.normal_w_m2,
+            Irradiance::Surface => eye.irradiance_w_m2,
+            Irradiance::FacingBeam => eye.normal_w_m2,
         };
         plain(&mut measured, Quantity::IrradianceWM2, peak.value);
         let thresholds = results.thresholds_w_m2();
@@ -61,7 +61,7 @@ pub fn metrics(
         measured.extend(eye_times(eye, lowest, None, half_year));
     }
     if group.not_evaluated.is_none() {
-        let exact = results.receivers().is_some_and(|set| set.direct);
+        let exact = results.receivers().is_some_and(|set| set.is_direct());
         plain(&mut measured, Quantity::IrradianceWM2, group.peak_w_m2);
         for at in &group.thresholds {
             measured.extend(times(at, Some(at.threshold_w_m2), half_year, exact));

@@ -8,9 +8,10 @@ use serde::Serialize;
 use super::error::Error;
 use super::points::Spreader;
 use crate::base::Progress;
-use crate::project::{Ids, ObserverTable, PlannedView, RegionTable, Resolved};
+use crate::project::{Ids, ObserverTable, Picture, PlannedView, RegionTable, Resolved};
 use crate::render::{
-    self, Anywhere, MirrorDay, MirrorReceiver, MirrorRule, MirrorSummary, MirrorTimes, MirrorYear,
+    self, Anywhere, HitMap, MirrorDay, MirrorReceiver, MirrorRule, MirrorSummary, MirrorTimes,
+    MirrorYear,
 };
 use crate::rules;
 use crate::rules::Quantity;
@@ -337,23 +338,6 @@ pub fn date(year: i32, day: u32) -> String {
     format!("{month:02}-{day:02}")
 }
 
-/// Sunrise and sunset of each day of the year on a flat horizon, h, to some minutes; none where
-/// the sun stays down.
-pub fn daylight_h(resolved: &Resolved) -> Vec<[Option<f64>; 2]> {
-    const PER_HOUR: u32 = 20;
-    let hour = |i: u32| f64::from(i) / f64::from(PER_HOUR);
-    let times = &resolved.times;
-    let of_day = |day| {
-        let up = |i: &u32| {
-            sky::sun_direction(&resolved.place, times.sun, times.year, day, hour(*i)).z > 0.0
-        };
-        let first = (0..24 * PER_HOUR).find(up);
-        let last = (0..24 * PER_HOUR).rev().find(up);
-        [first.map(hour), last.map(hour)]
-    };
-    (0..sky::days_in_year(times.year)).map(of_day).collect()
-}
-
 /// A region: its points, on their surface or (a plot at some height) in the air.
 fn region(
     spreader: &Spreader<'_>,
@@ -364,7 +348,10 @@ fn region(
 ) -> Result<MirroredRegion, Error> {
     let trace = &spreader.resolved.trace;
     let hits = |view: &PlannedView| {
-        Ok(render::hits(&view.view, spreader.site, trace.max_path_m, trace.seed, progress)?)
+        let Some(Picture { view, .. }) = view.picture() else {
+            return Ok(HitMap { columns: 0, rows: 0, hits: Vec::new() });
+        };
+        Ok(render::hits(view, spreader.site, trace.max_path_m, trace.seed, progress)?)
     };
     let (samples, notes) = spreader.region(table, &hits, MOST_POINTS)?;
     if samples.is_empty() {
@@ -421,4 +408,21 @@ fn region(
             })
             .collect(),
     })
+}
+
+/// Sunrise and sunset of each day of the project's year on a flat horizon, h of local standard time,
+/// to some minutes; none where the sun stays below it.
+pub fn sunrise_and_sunset(resolved: &Resolved) -> Vec<[Option<f64>; 2]> {
+    const PER_HOUR: u32 = 20;
+    let times = &resolved.times;
+    let hour = |i: u32| f64::from(i) / f64::from(PER_HOUR);
+    (0..sky::days_in_year(times.year))
+        .map(|day| {
+            let up = |i: &u32| {
+                sky::sun_direction(&resolved.place, times.sun, times.year, day, hour(*i)).z > 0.0
+            };
+            let first = (0..24 * PER_HOUR).find(up);
+            [first, (0..24 * PER_HOUR).rev().find(up)].map(|at| at.map(hour))
+        })
+        .collect()
 }

@@ -9,8 +9,8 @@ use super::error::Error;
 use crate::base::limits;
 use crate::project::{Folder, ObserverTable, PlannedView, RegionTable, Resolved};
 use crate::render::samples::{Sample, sample_objects, sample_polygon};
-use crate::render::sensors::{Footing, PvInView, Sensor, place};
-use crate::render::{HitMap, View};
+use crate::render::sensors::{Footing, Sensor, place};
+use crate::render::{HitMap, PvInView, View};
 use crate::site::{Site, local_from_map};
 
 /// Distance between the points of a region where it says nothing, m.
@@ -255,10 +255,11 @@ impl Spreader<'_> {
     ) -> Result<(Vec<Sample>, Vec<String>), Error> {
         if let (Some(name), Some(polygon)) = (&region.view, &region.polygon) {
             // The reader checked that there is such a view.
-            let Some(view) = self.resolved.views.iter().find(|v| v.name == *name) else {
+            let view = self.resolved.views.iter().find(|v| v.name == *name);
+            let Some((view, picture)) = view.and_then(|v| Some((v, v.picture()?))) else {
                 return Ok((Vec::new(), Vec::new()));
             };
-            let all = pixels(&view.view, &hits(view)?, polygon);
+            let all = pixels(&picture.view, &hits(view)?, polygon);
             let every = all.len().div_ceil(most).max(1);
             let thinned = all
                 .into_iter()

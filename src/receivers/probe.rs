@@ -14,7 +14,7 @@ use crate::base::Timeline;
 use crate::pages::{Access, Neighbours, OpenOptions, Query, Store};
 use crate::project::Folder;
 use crate::project::{PlannedView, Resolved};
-use crate::render::{Hit, HitMap};
+use crate::render::{Gather, Hit, HitMap};
 use crate::volume::Volume;
 
 /// Which spot.
@@ -109,7 +109,7 @@ pub fn probe(resolved: &Resolved, view: &str, spot: Spot) -> Result<Probed, Erro
             wrong(format!("the spot lies outside the view \"{view}\" of {columns} x {rows} pixels"))
         })?;
     let hit = *hits.at(column, row);
-    let points = planned.points.as_ref().map(|_| read_points(&folder, planned)).transpose()?;
+    let points = planned.points().map(|_| read_points(&folder, planned)).transpose()?;
     let timeline = resolved.timeline()?;
     let mut materials = Vec::new();
     for candidate in &resolved.candidates {
@@ -120,7 +120,7 @@ pub fn probe(resolved: &Resolved, view: &str, spot: Spot) -> Result<Probed, Erro
         let volume = Volume::open(&series)?;
         let values = volume.pixel(column, row)?;
         let mut from = BTreeMap::new();
-        if !planned.direct {
+        if let Some(gather) = planned.photons() {
             let store = Store::open(
                 &folder.at(&folder.store(&candidate.name)),
                 &OpenOptions { cache_bytes: 16 << 20, access: Access::Mapped },
@@ -128,7 +128,7 @@ pub fn probe(resolved: &Resolved, view: &str, spot: Spot) -> Result<Probed, Erro
             let names = &store.info().surfaces;
             from = match points.as_ref().filter(|set| set.in_air(column).is_some()) {
                 Some(set) => in_air(&folder, &candidate.name, (set, planned), column, names)?,
-                None => shares(&store, &hit, planned)?,
+                None => shares(&store, &hit, &gather.annual)?,
             };
         }
         materials.push(material(resolved, &timeline, &candidate.name, &values, from));
@@ -151,14 +151,14 @@ fn pixel_of(view: &PlannedView, hits: &HitMap, spot: Spot) -> Option<(usize, usi
     match spot {
         Spot::Pixel(column, row) => Some((column, row)),
         // Of sensors the nearest.
-        Spot::Point(point) if view.points.is_some() => {
+        Spot::Point(point) if view.points().is_some() => {
             let away = |h: &Hit| h.position.as_dvec3().distance_squared(point);
             let nearest =
                 hits.hits.iter().enumerate().min_by(|a, b| away(a.1).total_cmp(&away(b.1)));
             nearest.map(|(i, _)| (i, 0))
         }
         Spot::Point(point) => {
-            let (column, row) = view.view.project(point)?;
+            let (column, row) = view.picture()?.view.project(point)?;
             (column >= 0.0 && row >= 0.0).then_some((column as usize, row as usize))
         }
     }
@@ -184,13 +184,13 @@ fn in_air(
     Ok(shares)
 }
 
-fn shares(store: &Store, hit: &Hit, view: &PlannedView) -> Result<BTreeMap<String, f64>, Error> {
+fn shares(store: &Store, hit: &Hit, gather: &Gather) -> Result<BTreeMap<String, f64>, Error> {
     // Sky and what is clipped have no place, and PV keeps no photons.
     if !hit.kind.receives() {
         return Ok(BTreeMap::new());
     }
-    let count = view.annual.bandwidth;
-    let max_radius_m = view.annual.max_radius_m.unwrap_or_else(|| store.max_radius_m(count));
+    let count = gather.bandwidth;
+    let max_radius_m = gather.max_radius_m.unwrap_or_else(|| store.max_radius_m(count));
     let query = Query { point: hit.position, normal: hit.normal, count, max_radius_m };
     let mut found = Neighbours::default();
     store.nearest(&query, &mut found)?;

@@ -11,8 +11,8 @@ use crate::base::limits::TILE_EDGE;
 use crate::glare::{Lengths, Run, SpotGlare, margins, runs, spot};
 use crate::pages::{Neighbours, Query, Store};
 use crate::project::{Candidate, PlannedView, Results};
-use crate::render::HitMap;
-use crate::render::sensors::{Footing, PvInView};
+use crate::render::sensors::Footing;
+use crate::render::{HitMap, PvInView};
 use crate::rules::Class;
 use crate::volume::{TimeAxis, Volume};
 

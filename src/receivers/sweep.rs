@@ -9,10 +9,9 @@ use serde::Serialize;
 use super::error::Error;
 use super::eyes::{LUMINANCES_CD_M2, sights};
 use super::points::Spreader;
-use crate::base::Progress;
+use crate::base::{Irradiance, Progress};
 use crate::glare::{Lengths, SpotGlare, spot};
 use crate::project::Resolved;
-use crate::render::Quantity;
 use crate::render::eye::{Eye, EyeMaterial, EyePv, SweepLimits, Sweeper};
 use crate::site::Site;
 use crate::sky::{self, DayRange, HourRange, TimeSpec};
@@ -124,7 +123,7 @@ pub fn sweep(
     let lm_per_w = axis.basis.lm_per_w();
     let limits = SweepLimits {
         irradiances_w_m2: resolved.project.glare.thresholds_w_m2.clone(),
-        normal: resolved.quantity == Quantity::Normal,
+        normal: resolved.quantity == Irradiance::FacingBeam,
         radiances_w_m2_sr: LUMINANCES_CD_M2.map(|l| l / lm_per_w).to_vec(),
     };
     let mut words: Vec<String> =
@@ -166,8 +165,8 @@ pub fn sweep(
         note: format!(
             "irradiance {}; {}; hours are local standard time",
             match resolved.quantity {
-                Quantity::Surface => "of the plane across the line of sight",
-                Quantity::Normal => "of planes that face the beams",
+                Irradiance::Surface => "of the plane across the line of sight",
+                Irradiance::FacingBeam => "of planes that face the beams",
             },
             if pv.has_seasons() { "crowns by season" } else { "trees are opaque all year" }
         ),

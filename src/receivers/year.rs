@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 
 use super::points::Kind;
 use crate::glare::SpotGlare;
-use crate::render::sensors::PvInView;
+use crate::render::PvInView;
 
 /// `receivers.json`
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]

@@ -4,7 +4,7 @@
 //! each pixel sees, once per view, for everyone else. [`annual`] and [`series`] ask the photon
 //! store for the photons around each hit and turn them into irradiance; [`background`] paints the
 //! scene by daylight, so that a planner recognises the house. [`sensors`] are points with normals
-//! instead of pixels; where they stand in free air, [`Passed`] counts the photons that pass.
+//! instead of pixels; where they stand in free air, [`VirtualSensors`] count the photons that pass.
 #![doc = ""]
 #![doc = include_str!("../docs/estimators.md")]
 
@@ -14,8 +14,8 @@ pub mod reflect;
 pub mod view;
 
 pub use gather::{
-    Annual, DECIDED, Estimate, Estimator, Fused, Gather, Kernel, MIN_COS, MIN_RADIUS_M, Passed,
-    PassedSeries, Quantity, Series, SeriesSummary, Surfaces, annual, estimate, series, undecided,
+    Annual, DECIDED, Error as GatherError, Estimator, Fused, Gather, Kernel, MIN_RADIUS_M,
+    SensorSeries, Series, SeriesSummary, Surfaces, VirtualSensors, annual, series, undecided,
 };
 pub use paint::{background, moment, representative_suns};
 pub use reflect::{
@@ -23,4 +23,6 @@ pub use reflect::{
     FusedDirect, Lit, MirrorDay, MirrorReceiver, MirrorRule, MirrorRun, MirrorSummary, MirrorTimes,
     MirrorYear, PvSight, SEPARATION_DEG, TileYear, direct_series, eye,
 };
-pub use view::{Error, Hit, HitKind, HitMap, Projection, View, ViewRay, hits, samples, sensors};
+pub use view::{
+    Error, Hit, HitKind, HitMap, Projection, PvInView, View, ViewRay, hits, samples, sensors,
+};

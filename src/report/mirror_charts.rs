@@ -8,7 +8,7 @@ use crate::picture::Chart;
 use crate::picture::chart::{Axis, Cell, SURFACES, Swatch};
 use crate::picture::figure::Polyline;
 use crate::project::Resolved;
-use crate::receivers::mirror::{Mirrored, MirroredAt, NOTE, date, daylight_h};
+use crate::receivers::mirror::{Mirrored, MirroredAt, NOTE, date, sunrise_and_sunset};
 
 fn quoted(text: &str) -> String {
     format!("\"{}\"", text.replace('"', "\"\""))
@@ -97,18 +97,18 @@ impl Mirrored {
             None => "on any of its points".to_owned(),
         };
         let zone = resolved.place.meridian_deg / 15.0;
-        let daylight = daylight_h(resolved);
+        let days = sunrise_and_sunset(resolved);
         Chart {
             title: at.name.clone(),
             subtitle: format!(
                 "Mirrored sun {}: {:.1} h a year, at most {} min a day ({})",
                 where_, at.year.hours, at.year.most_minutes, self.rule
             ),
-            x: Axis::days_of_year(daylight.len() == 366),
+            x: Axis::days_of_year(days.len() == 366),
             y: Axis::clock(0.0, 24.0, format!("local standard time (UTC{zone:+})")),
             ground: [255, 255, 255],
             cells,
-            lines: daylight_lines(&daylight),
+            lines: daylight(&days),
             key,
             caption: vec![format!(
                 "{NOTE}. Sun and reflection at least {} degrees apart; steps of {} s; {} suns of {}. Grey: sunrise and sunset on a flat horizon.",
@@ -144,14 +144,14 @@ impl Mirrored {
     }
 }
 
-/// Sunrise and sunset of each day.
-fn daylight_lines(daylight: &[[Option<f64>; 2]]) -> Vec<Polyline> {
+/// Lines of sunrise and sunset.
+fn daylight(days: &[[Option<f64>; 2]]) -> Vec<Polyline> {
     const GREY: [u8; 3] = [150, 150, 150];
-    let line = |which: usize| {
-        let at = |(day, hours): (usize, &[Option<f64>; 2])| {
-            [day as f64 + 0.5, hours[which].unwrap_or(f64::NAN)]
+    let line = |end: usize| {
+        let point = |(day, ends): (usize, &[Option<f64>; 2])| {
+            [day as f64 + 0.5, ends[end].unwrap_or(f64::NAN)]
         };
-        let points = daylight.iter().enumerate().map(at).collect();
+        let points = days.iter().enumerate().map(point).collect();
         Polyline { points, color: GREY, width: 0.8, label: String::new() }
     };
     vec![line(0), line(1)]

@@ -133,7 +133,7 @@ fn numbers(results: &Results<'_>, view: &PlannedView) -> Result<Section, Error> 
         heading: format!("Numbers in the view “{}”", view.name),
         text: vec![format!(
             "The largest value of any pixel. Durations come from the irradiance smoothed in space and time, as in the published method{}.",
-            if view.direct { "" } else { "; a pixel with few photons can stand out" }
+            if view.is_direct() { "" } else { "; a pixel with few photons can stand out" }
         )],
         tables: vec![table],
         ..Section::default()
@@ -293,7 +293,7 @@ fn limits_of_it(results: &Results<'_>) -> Section {
         true => "the observers and regions".to_owned(),
         false => format!("the view “{}”", v.name),
     };
-    let direct: Vec<String> = resolved.with_sensors().filter(|v| v.direct).map(name).collect();
+    let direct: Vec<String> = resolved.with_sensors().filter(|v| v.is_direct()).map(name).collect();
     if !direct.is_empty() {
         text.push(format!(
             "Integrated over the PV without photons, so without noise: {}. How far that may be off stands in their annual.exr, error.wh_m2.",

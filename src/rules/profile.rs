@@ -1,3 +1,10 @@
+//! Criteria as data: what a profile says, and how it is read and checked.
+//!
+//! Rules differ by country and change, so none is code: a profile is a `.toml` beside this file or
+//! one of the user's, with its source, its standing and its limits. A limit names a quantity, an
+//! operator, and the conditions under which it was stated; what the engine can't measure under
+//! these conditions is "not evaluated", never silently passed.
+
 use serde::{Deserialize, Serialize};
 
 use super::error::Error;
@@ -93,9 +100,9 @@ impl Class {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Quantity {
-    /// Most minutes of one glare event at one spot: the paper's measure.
+    /// Most minutes of one glare event at one point: the paper's measure.
     SustainedMin,
-    /// Longest uninterrupted run at one spot, min.
+    /// Longest uninterrupted run at one point, min.
     LongestRunMin,
     /// Most minutes of one day.
     DailyTotalMin,

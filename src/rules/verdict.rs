@@ -1,3 +1,9 @@
+//! Judging a receiver by a profile: what was measured against each limit.
+//!
+//! A limit may protect only some classes of receivers, may excuse another limit, or may only
+//! inform; hence five outcomes instead of yes and no. A value with a band of noise is judged by its
+//! middle, and [`Judged::certain`] says whether the whole band agrees.
+
 use serde::{Deserialize, Serialize};
 
 use super::profile::{Class, Limit, Profile, Quantity};

@@ -11,7 +11,7 @@ use serde::Serialize;
 use super::error::Error;
 use super::estimate::used_bytes;
 use super::job::Stage;
-use super::units::{stage_of, units};
+use super::units::units;
 use crate::project::Folder;
 use crate::project::Manifest;
 use crate::project::Resolved;
@@ -131,7 +131,7 @@ fn sort_out(
     folder: &Folder,
     manifest: &Manifest,
 ) -> Result<BTreeMap<Part, BTreeSet<PathBuf>>, Error> {
-    let planned: BTreeSet<String> = units(resolved)?.into_iter().map(|p| p.unit).collect();
+    let planned = units(resolved, folder)?;
     let mut found: BTreeMap<Part, BTreeSet<PathBuf>> = BTreeMap::new();
     let mut named = BTreeSet::new();
     let mut add = |part: Part, name: PathBuf| {
@@ -140,29 +140,18 @@ fn sort_out(
         }
     };
     for (unit, made) in &manifest.units {
-        let part = match stage_of(unit) {
-            Some(stage) if planned.contains(unit) => Part::Made(stage),
-            _ => Part::LeftOver,
-        };
+        let planned = planned.iter().find(|planned| planned.name == *unit);
+        let part = planned.map_or(Part::LeftOver, |planned| Part::Made(planned.stage));
         for output in made.outputs.keys().map(Path::new).filter(|o| lies_inside(o)) {
             named.insert(output.to_owned());
             add(part, output.to_owned());
             add(Part::Unfinished, seal::growing(output));
         }
     }
-    // What a run leaves that was interrupted: photons that wait to be sorted, and half a series.
-    for candidate in &resolved.candidates {
-        add(Part::Unfinished, folder.spill(&candidate.name));
-        add(Part::Unfinished, seal::growing(&folder.store(&candidate.name)));
-        for view in &resolved.views {
-            let series = folder.series(&candidate.name, &view.name);
-            if !named.contains(&series) {
-                add(Part::Unfinished, series);
-            }
-            add(Part::Unfinished, folder.waiting_tiles(&candidate.name, &view.name));
-        }
-        for set in &resolved.sensors {
-            add(Part::Unfinished, folder.air_spill(&candidate.name, &set.name));
+    // What a run leaves that was interrupted.
+    for draft in planned.into_iter().flat_map(|unit| unit.drafts) {
+        if !named.contains(&draft) {
+            add(Part::Unfinished, draft);
         }
     }
     Ok(found)

@@ -97,6 +97,9 @@ pub enum Error {
     /// From the room `render`.
     #[error(transparent)]
     Render(#[from] render::Error),
+    /// From the gather in the room `render`.
+    #[error(transparent)]
+    Gather(#[from] render::GatherError),
     /// From the room `volume`.
     #[error(transparent)]
     Volume(#[from] volume::Error),
@@ -130,6 +133,7 @@ impl Error {
             Self::Trace(e) => e.kind(),
             Self::Pages(e) => e.kind(),
             Self::Render(e) => e.kind(),
+            Self::Gather(e) => e.kind(),
             Self::Volume(e) => e.kind(),
             Self::Glare(e) => e.kind(),
             Self::Picture(e) => e.kind(),

@@ -159,21 +159,21 @@ pub fn estimate(resolved: &Resolved, memory_bytes: u64) -> Result<Estimate, Erro
     for v in resolved.with_sensors() {
         let p = resolved.pixels(v) as f64;
         // A fused view keeps no series.
-        let kept = if v.fuse { 0.0 } else { 1.0 + f64::from(u8::from(v.both)) };
+        let kept = f64::from(v.series as u8);
         // A number has 24 bits of mantissa and sign; those that were dropped cost nothing.
         let number = size::SERIES * (8.0 + f64::from(v.mantissa_bits.min(16))) / 24.0;
-        if v.direct {
+        let Some(gather) = v.photons() else {
             direct += p;
             let bytes = kept * p * size::LIT_DIRECT * steps * size::LIT_TIMESTEPS * number;
             series += bytes;
             of_views.push((v.name.clone(), bytes));
             continue;
-        }
-        let k = v.series_bandwidth.unwrap_or_else(|| (3 * timeline.steps.len()).max(4000)) as f64;
-        if v.points.is_some() {
+        };
+        let k = gather.series_bandwidth(timeline.steps.len()) as f64;
+        if v.points().is_some() {
             air += (p * k.max(10_000.0)).min(stored);
         }
-        neighbours.0 += p * size::LIT_PIXELS * v.annual.bandwidth as f64;
+        neighbours.0 += p * size::LIT_PIXELS * gather.annual.bandwidth as f64;
         neighbours.1 += p * size::LIT_PIXELS * k;
         let lit = p * size::LIT_PIXELS * (steps * size::LIT_TIMESTEPS).min(k);
         let bytes = kept * lit * number;
@@ -306,10 +306,9 @@ fn free_bytes(path: &Path) -> Result<u64, Error> {
 /// [`Error::Disk`].
 pub(super) fn refuse_full_disk(job: &Job<'_>) -> Result<(), Error> {
     let expected = estimate(job.resolved, job.options.memory_bytes)?;
-    let plan = job.plan()?;
     let mut there = used_bytes(job.folder.root())?;
-    for (planned, stale) in &plan {
-        let made = job.manifest.units.get(&planned.unit).filter(|_| !stale);
+    for unit in job.planned().filter(|unit| job.is_current(unit)) {
+        let made = job.manifest.units.get(&unit.name);
         for output in made.iter().flat_map(|unit| unit.outputs.keys()) {
             let path = job.folder.at(Path::new(output));
             let bytes = if path.is_dir() { used_bytes(&path)? } else { path.metadata()?.len() };
@@ -320,8 +319,8 @@ pub(super) fn refuse_full_disk(job: &Job<'_>) -> Result<(), Error> {
         .stages
         .iter()
         .map(|s| {
-            let of_stage = || plan.iter().filter(|(p, _)| p.stage == s.stage);
-            let stale = of_stage().filter(|(_, stale)| *stale).count();
+            let of_stage = || job.planned().filter(|unit| unit.stage == s.stage);
+            let stale = of_stage().filter(|unit| !job.is_current(unit)).count();
             (s.disk_bytes, stale, of_stage().count())
         })
         .collect();

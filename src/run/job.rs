@@ -1,7 +1,7 @@
 //! What a run works on: the stages, how to run them, what was done, and what they all need.
 
 use std::collections::BTreeMap;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
 use std::time::Instant;
 
@@ -11,13 +11,11 @@ use serde_json::Value;
 use super::clean::{lies_inside, remove};
 use super::error::Error;
 use super::log::Log;
-use super::units::{Planned, units};
+use super::units::{HandedOn, Unit, units};
 use crate::base::{Finding, Progress, Provenance, Severity, Timeline};
 use crate::pages::CacheStats;
-use crate::project::Folder;
-use crate::project::Manifest;
-use crate::project::Resolved;
-use crate::project::Shard;
+use crate::project::{Folder, Manifest, Resolved, Shard};
+use crate::render::PvSight;
 use crate::report::Judgement;
 use crate::site::Site;
 
@@ -118,12 +116,42 @@ pub(super) struct Job<'a> {
     pub resolved: &'a Resolved,
     pub options: Options,
     pub folder: Folder,
+    /// All units, in their order.
+    pub plan: Vec<Unit<'a>>,
     pub manifest: Manifest,
     pub summary: Summary,
     pub progress: &'a dyn Progress,
     pub log: Log,
     site: OnceLock<Site>,
     timeline: OnceLock<Timeline>,
+    sight: OnceLock<PvSight>,
+}
+
+/// What the making of a unit gave.
+#[derive(Debug, Default)]
+pub(super) struct Made {
+    /// Files and folders below `run/`.
+    pub outputs: Vec<PathBuf>,
+    /// For the log.
+    pub facts: Value,
+    /// For people.
+    pub warnings: Vec<String>,
+    /// Units that came about on the way.
+    pub others: Vec<MadeToo>,
+}
+
+/// A unit that came about while another was made.
+#[derive(Debug)]
+pub(super) struct MadeToo {
+    pub name: String,
+    pub key: String,
+    pub made: Made,
+}
+
+impl Made {
+    pub fn new(outputs: Vec<PathBuf>, facts: Value) -> Self {
+        Self { outputs, facts, ..Self::default() }
+    }
 }
 
 impl<'a> Job<'a> {
@@ -138,6 +166,7 @@ impl<'a> Job<'a> {
         Ok(Self {
             resolved,
             options,
+            plan: units(resolved, &folder)?,
             manifest: Manifest::read(folder.root())?,
             summary: Summary {
                 folder: folder.root().to_owned(),
@@ -149,36 +178,38 @@ impl<'a> Job<'a> {
             log,
             site: OnceLock::new(),
             timeline: OnceLock::new(),
+            sight: OnceLock::new(),
         })
+    }
+
+    /// The units up to `--until`.
+    pub fn planned(&self) -> impl Iterator<Item = &Unit<'a>> + '_ {
+        self.plan.iter().filter(|unit| unit.stage <= self.options.until)
     }
 }
 
 impl Job<'_> {
-    /// The units up to `--until`, each with whether it has to be made.
-    pub fn plan(&self) -> Result<Vec<(Planned, bool)>, Error> {
-        let stale = |p: &Planned| {
-            self.is_forced(p.stage) || !p.is_current(&self.manifest, self.folder.root())
-        };
-        Ok(units(self.resolved)?
-            .into_iter()
-            .filter(|p| p.stage <= self.options.until)
-            .map(|p| {
-                let stale = stale(&p);
-                (p, stale)
-            })
-            .collect())
-    }
-
     pub fn is_forced(&self, stage: Stage) -> bool {
         self.options.force.is_some_and(|f| stage >= f)
     }
 
-    pub fn has_to_read_the_scene(&self) -> Result<bool, Error> {
-        let reads = |stage| matches!(stage, Stage::Trace | Stage::Pages);
-        Ok(self.plan()?.iter().any(|(p, stale)| {
-            *stale
-                && (reads(p.stage) || p.unit.starts_with("hits ") || p.unit.starts_with("direct "))
-        }))
+    /// Whether a unit needn't be made: it was made in this run, or from the same settings by an
+    /// earlier one, all that it left is there, and it isn't forced. The only place that decides it.
+    pub fn is_current(&self, unit: &Unit<'_>) -> bool {
+        if self.summary.made.contains(&unit.name) {
+            return true;
+        }
+        let used_up = |on: &HandedOn| {
+            let next = self.plan.iter().find(|next| next.name == on.to);
+            self.folder.at(&on.path).exists() || next.is_some_and(|next| self.is_current(next))
+        };
+        !self.is_forced(unit.stage)
+            && self.manifest.is_current(self.folder.root(), &unit.name, &unit.key)
+            && unit.hands_on.as_ref().is_none_or(used_up)
+    }
+
+    pub fn has_to_read_the_scene(&self) -> bool {
+        self.planned().any(|unit| unit.work.reads_the_scene() && !self.is_current(unit))
     }
 
     /// Before a stage begins: what was made from other settings, or is to be made anew, goes. So
@@ -186,26 +217,51 @@ impl Job<'_> {
     /// finds results that belong to something else. Where a unit only misses a file, the others
     /// stay.
     pub fn forget(&mut self, stage: Stage) -> Result<(), Error> {
+        let stale: Vec<&Unit<'_>> =
+            self.planned().filter(|u| u.stage == stage && !self.is_current(u)).collect();
+        let stale: Vec<(String, String)> =
+            stale.into_iter().map(|u| (u.name.clone(), u.key.clone())).collect();
+        let mut forgotten = false;
         let mut gone = Vec::new();
-        for (planned, stale) in self.plan()? {
-            if planned.stage != stage || !stale {
-                continue;
-            }
-            let Some(unit) = self.manifest.units.remove(&planned.unit) else { continue };
-            if self.is_forced(stage) || planned.key.is_none_or(|key| key != unit.key) {
-                gone.extend(unit.outputs.into_keys());
-            } else {
-                gone.push(String::new());
+        for (name, key) in stale {
+            let Some(done) = self.manifest.units.remove(&name) else { continue };
+            forgotten = true;
+            if self.is_forced(stage) || key != done.key {
+                gone.extend(done.outputs.into_keys());
             }
         }
-        if gone.is_empty() {
+        if !forgotten {
             return Ok(());
         }
         self.manifest.write(self.folder.root())?;
-        for name in gone.iter().map(std::path::Path::new).filter(|n| lies_inside(n)) {
+        for name in gone.iter().map(Path::new).filter(|n| lies_inside(n)) {
             self.remove(name)?;
         }
         Ok(())
+    }
+
+    /// Before a unit is made: drafts that were begun with other settings, or are to be made anew,
+    /// go. The rest is gone on with.
+    pub fn begin(&mut self, unit: &Unit<'_>) -> Result<(), Error> {
+        let goes_on = self.manifest.begun.get(&unit.name) == Some(&unit.key);
+        if unit.drafts.is_empty() || goes_on && !self.is_forced(unit.stage) {
+            return Ok(());
+        }
+        for draft in &unit.drafts {
+            self.remove(draft)?;
+        }
+        self.manifest.begun.insert(unit.name.clone(), unit.key.clone());
+        Ok(self.manifest.write(self.folder.root())?)
+    }
+
+    /// Notes that a unit was made.
+    pub fn done(&mut self, name: &str, key: &str, made: Made, began: Instant) -> Result<(), Error> {
+        for MadeToo { name, key, made } in made.others {
+            self.done(&name, &key, made, began)?;
+        }
+        made.warnings.into_iter().for_each(|warning| self.warn(warning));
+        self.manifest.record(self.folder.root(), name, key, &made.outputs)?;
+        self.note(name, began, made.facts)
     }
 
     /// The scene; read when first asked for.
@@ -229,6 +285,16 @@ impl Job<'_> {
         Ok(self.timeline.get_or_init(|| timeline))
     }
 
+    /// What the PV sees of the suns; computed when first asked for.
+    pub fn sight(&self) -> Result<&PvSight, Error> {
+        if let Some(sight) = self.sight.get() {
+            return Ok(sight);
+        }
+        let free = self.resolved.trace.sun_visibility;
+        let sight = PvSight::new(self.site()?, self.timeline()?, free, self.progress)?;
+        Ok(self.sight.get_or_init(|| sight))
+    }
+
     /// What a file of ours says of its making.
     pub fn provenance(&self, key: &str, about: &[(&str, &str)]) -> Provenance {
         Provenance {
@@ -243,27 +309,29 @@ impl Job<'_> {
         }
     }
 
-    /// Whether a unit has to be made: it is missing, out of date or forced. A unit that is
-    /// current is counted as such.
-    pub fn needs(&mut self, stage: Stage, unit: &str, key: &str) -> bool {
-        if !self.is_forced(stage) && self.manifest.is_current(self.folder.root(), unit, key) {
-            self.summary.current.push(unit.into());
-            return false;
+    /// After a unit was made or found current: drafts that are no outputs go, and what it used up.
+    /// A run that was stopped before they could go leaves them to the next one.
+    pub fn settle(&mut self, unit: &Unit<'_>) -> Result<(), Error> {
+        let done = self.manifest.units.get(&unit.name);
+        let kept = |draft: &PathBuf| {
+            let name = draft.to_string_lossy().replace('\\', "/");
+            done.is_some_and(|d| d.outputs.contains_key(&name))
+                || unit.hands_on.as_ref().is_some_and(|on| on.path == *draft)
+        };
+        let used_up = self.plan.iter().filter_map(|u| u.hands_on.as_ref());
+        let used_up = used_up.filter(|on| on.to == unit.name).map(|on| &on.path);
+        for path in unit.drafts.iter().filter(|draft| !kept(draft)).chain(used_up) {
+            self.remove(path)?;
         }
-        true
+        if !self.summary.made.contains(&unit.name) {
+            self.summary.current.push(unit.name.clone());
+        }
+        Ok(())
     }
 
-    /// Notes that a unit was made; `outputs` are names below `run/`.
-    pub fn done(
-        &mut self,
-        unit: &str,
-        key: &str,
-        outputs: &[PathBuf],
-        began: Instant,
-        facts: Value,
-    ) -> Result<(), Error> {
-        self.manifest.record(self.folder.root(), unit, key, outputs)?;
-        self.note(unit, began, facts)
+    /// What only one stage needs goes.
+    pub fn end_of_stage(&mut self) {
+        self.sight.take();
     }
 
     /// Notes in the log and the summary that a unit was made, not in the manifest.
@@ -287,7 +355,7 @@ impl Job<'_> {
     }
 
     /// Removes an output that is about to be made anew.
-    pub fn remove(&self, name: &std::path::Path) -> Result<(), Error> {
+    pub fn remove(&self, name: &Path) -> Result<(), Error> {
         remove(&self.folder.at(name))
     }
 }

@@ -3,8 +3,10 @@
 
 use std::fs::OpenOptions;
 use std::io::Write;
+use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::Instant;
 
+use glintmap_formats::fault;
 use serde_json::{Value, json};
 
 use super::error::Error;
@@ -92,15 +94,31 @@ pub struct Logged<'a> {
     pub progress: &'a dyn Progress,
     /// Where it is noted.
     pub log: Log,
+    /// Name of the work at hand.
+    work: Mutex<String>,
+}
+
+impl<'a> Logged<'a> {
+    /// Progress for `progress`, noted in `log`.
+    pub fn new(progress: &'a dyn Progress, log: Log) -> Self {
+        Self { progress, log, work: Mutex::default() }
+    }
+
+    fn work(&self) -> MutexGuard<'_, String> {
+        // A name is set in one go: it is whole even after a panic elsewhere.
+        self.work.lock().unwrap_or_else(PoisonError::into_inner)
+    }
 }
 
 impl Progress for Logged<'_> {
     fn begin(&self, what: &str, total: u64, unit: &str) {
+        self.work().replace_range(.., what);
         self.progress.begin(what, total, unit);
     }
 
     fn advance(&self, units: u64) {
         self.progress.advance(units);
+        fault::step(self.work().as_str());
     }
 
     fn finish(&self) {

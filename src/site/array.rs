@@ -1,14 +1,19 @@
+//! Rows of modules on a roof or a field where no panel is modelled.
+//!
+//! A planner has an outline, a tilt and a pitch long before anyone draws modules. Seen from above a
+//! row is a strip; cutting the outline's triangles at the strip's two edges and raising what is
+//! left gives the row, however the outline looks.
+
 use glam::{DVec2, DVec3};
 
 use super::clip::{fan, half};
 use super::draft::{Draft, Surface};
-use super::load::Source;
 use super::placement::Placement;
+use super::source::Source;
+use super::spec::ARRAY_KIND;
 use super::{Error, Object, PvArray};
 use crate::base::limits;
 
-/// What objects of arrays are.
-pub(super) const KIND: &str = "pv array";
 /// Steepest row, degrees: above it a row covers next to nothing of the ground.
 const STEEPEST_DEG: f64 = 85.0;
 
@@ -21,7 +26,7 @@ pub(super) fn add(
 ) -> Result<Source, Error> {
     let rows = rows(name, array, placement)?;
     let object = draft.objects.len() as u32;
-    draft.objects.push(Object { id: name.clone(), kind: KIND.to_owned() });
+    draft.objects.push(Object { id: name.clone(), kind: ARRAY_KIND.to_owned() });
     let full = |_| Error::TooManyTriangles { limit: limits::MAX_TRIANGLES };
     for row in &rows {
         let shape = draft.add_flat(row.as_flattened().iter().copied()).map_err(full)?;

@@ -1,11 +1,13 @@
+//! From the draft to triangles: polygons are cut, slivers left out, PV outlines cut into faces.
+
 use std::collections::BTreeMap;
 
 use glam::{DVec3, Vec3};
 
 use super::draft::{Draft, Shape};
-use super::load::Source;
 use super::log::Log;
 use super::select::{Candidate, Cut};
+use super::source::Source;
 use super::triangulate::{Flaw, MIN_AREA_M2, Triangulator, keeps_its_normal};
 use super::{Error, Face, Triangle};
 use crate::base::{Place, limits};

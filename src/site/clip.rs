@@ -1,3 +1,9 @@
+//! Cutting triangles at a polygon that is drawn on the map.
+//!
+//! The polygon is cut into triangles first, and a triangle of the scene is cut by the three edges
+//! of each (Sutherland and Hodgman 1974): what is left of it after all of them lies outside.
+//! Polygons with holes or that aren't convex need nothing more.
+
 use glam::{DVec2, DVec3};
 
 use super::triangulate::{MIN_AREA_M2, Triangulator};

@@ -1,3 +1,12 @@
+//! Trees that let light through in some months.
+//!
+//! A crown is modelled as a hull or as some thousand leaves; neither says how much light passes.
+//! The user states a transmittance by month for a whole crown, so a ray is weakened once for each
+//! crown that it meets, however often it meets its surfaces. That needs all hits along a ray, which
+//! the hierarchy doesn't give: leaves have a hierarchy of their own, and a ray is followed through
+//! it from hit to hit. Everything opaque has another one, so that scenes without crowns pay
+//! nothing.
+
 use std::collections::BTreeMap;
 
 use glam::Vec3;

@@ -1,5 +1,12 @@
+//! The scene as its files have it, before it is moved, turned and triangulated.
+//!
+//! All readers fill one draft in f64 and in the coordinates of the source: map coordinates have
+//! millions of metres, of which f32 keeps decimetres, and where the local origin lies is known only
+//! when all files were read.
+
 use std::collections::HashMap;
 use std::ops::Range;
+use std::path::Path;
 
 use glam::DVec3;
 
@@ -24,6 +31,15 @@ pub(super) struct Draft {
     pub modifiers: Vec<String>,
     /// Which objects are parts of which, by id.
     pub children: HashMap<String, Vec<String>>,
+}
+
+/// A file of the scene while it is read.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct SourceFile<'a> {
+    /// Its number among the scene's files.
+    pub number: u32,
+    /// Where it lies.
+    pub path: &'a Path,
 }
 
 /// A surface as its source has it.

@@ -1,3 +1,5 @@
+//! Why a scene can't be used: one variant for each mistake, with what was expected and found.
+
 use std::fmt::Write;
 use std::io;
 use std::path::PathBuf;

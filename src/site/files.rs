@@ -5,6 +5,9 @@ use std::fs::{self, File};
 use std::io::{self, Read};
 use std::path::{Path, PathBuf};
 
+use super::Error;
+use crate::base::limits;
+
 /// Where scene files are read from: the disk, or memory (programs that make scenes, tests).
 #[derive(Clone, Debug, Default)]
 pub struct Files {
@@ -88,6 +91,20 @@ impl Files {
         let mut bytes = Vec::with_capacity(usize::try_from(length).unwrap_or(0));
         File::open(path)?.take(limit).read_to_end(&mut bytes)?;
         Ok(Cow::Owned(bytes))
+    }
+
+    /// The bytes of a file of the scene.
+    ///
+    /// # Errors
+    /// [`Error::Read`], [`Error::FileTooLarge`].
+    pub(super) fn scene_file(&self, path: &Path) -> Result<Cow<'_, [u8]>, Error> {
+        let failed = |source| Error::Read { path: path.to_owned(), source };
+        let limit = limits::MAX_TEXT_FILE_BYTES;
+        let bytes = self.length(path).map_err(failed)?;
+        if bytes > limit {
+            return Err(Error::FileTooLarge { path: path.to_owned(), bytes, limit });
+        }
+        self.read(path, limit).map_err(failed)
     }
 }
 

@@ -1,3 +1,8 @@
+//! Which format a scene file has, by its name, and in which unit and axes its numbers are.
+//!
+//! OBJ, PLY and STL don't say their unit or which axis points up. A guess would be right most of
+//! the time and silently wrong by a factor of 1,000 otherwise, so the project has to state it.
+
 use glam::DVec3;
 
 use super::{Error, SceneFile};

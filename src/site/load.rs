@@ -1,48 +1,23 @@
-use std::borrow::Cow;
-use std::collections::BTreeMap;
-use std::path::{Path, PathBuf};
-
-use glam::DVec3;
+//! Reads a whole scene: the order in which everything about a site happens.
+//!
+//! Files are read into a draft, then the coordinate system, the origin and true north are settled,
+//! the draft is moved, rows of modules are added, polygons are cut into triangles, and the PV is
+//! picked. Faults of all files are collected before anything is refused.
 
 use super::build::Builder;
-use super::draft::{Draft, Full};
+use super::draft::{Draft, Full, SourceFile};
 use super::format::{Axes, Format, format_of};
 use super::levels::Levels;
 use super::log::Log;
 use super::mesh::{Mesh, Owner};
 use super::placement::{LOCAL_REACH_M, extents, north, place, reference_system};
+use super::source::Source;
 use super::surroundings::terrains;
 use super::{
     Crowns, Error, Files, Material, North, Origin, PvSpec, SceneSpec, Season, Site, array,
     cityjson, mesh, rad, select,
 };
 use crate::base::{Place, limits};
-
-/// A file of the scene, as it was read.
-#[derive(Clone, Debug, PartialEq, serde::Serialize)]
-pub struct Source {
-    /// The file, as the project names it.
-    pub file: PathBuf,
-    /// `Radiance scene`, `CityJSON 2.0`.
-    pub format: String,
-    /// Coordinate reference system, where it says.
-    pub crs: Option<String>,
-    /// Objects that have each level of detail (CityJSON).
-    pub levels_of_detail: BTreeMap<String, usize>,
-    /// Named things in it.
-    pub objects: usize,
-    /// Surfaces that are part of the scene.
-    pub faces: usize,
-    /// Their triangles.
-    pub triangles: usize,
-    /// Surfaces without area, which are left out.
-    pub degenerate: usize,
-    /// Smallest and largest coordinates in the file, m.
-    pub extent_m: Option<[DVec3; 2]>,
-    /// Whether its coordinates are those of a map.
-    #[serde(skip)]
-    pub(super) is_city: bool,
-}
 
 /// A scene and what its files were.
 #[derive(Debug)]
@@ -171,17 +146,6 @@ fn check(scene: &SceneSpec) -> Result<(), Error> {
     Ok(())
 }
 
-/// The bytes of a scene file.
-pub(super) fn bytes_of<'a>(files: &'a Files, path: &Path) -> Result<Cow<'a, [u8]>, Error> {
-    let failed = |source| Error::Read { path: path.to_owned(), source };
-    let limit = limits::MAX_TEXT_FILE_BYTES;
-    let bytes = files.length(path).map_err(failed)?;
-    if bytes > limit {
-        return Err(Error::FileTooLarge { path: path.to_owned(), bytes, limit });
-    }
-    files.read(path, limit).map_err(failed)
-}
-
 /// Index of the material of surfaces that nothing is said about.
 const PLAIN: u32 = 0;
 
@@ -221,8 +185,8 @@ fn read_all(
             sources.push(source);
             continue;
         }
-        let bytes = bytes_of(files, &file.path)?;
-        let at = (i as u32, file.path.as_path());
+        let bytes = files.scene_file(&file.path)?;
+        let at = SourceFile { number: i as u32, path: &file.path };
         let (first_object, first_surface) = (draft.objects.len(), draft.surfaces.len());
         if format == Format::Radiance {
             let text = String::from_utf8_lossy(&bytes);
@@ -246,7 +210,7 @@ fn read_all(
                 log.fault(Place { file: file.path.clone(), ..Place::default() }, message);
             }
         } else {
-            let how = (scene.lod.as_deref(), plain);
+            let how = cityjson::How { wanted: scene.lod.as_deref(), material: plain };
             let read = match format {
                 Format::CityJson => cityjson::read(at, &bytes, how, draft, log),
                 _ => cityjson::read_sequence(at, &bytes, how, draft, log),
@@ -290,7 +254,7 @@ fn is_on_a_map(mesh: &Mesh, axes: Axes) -> bool {
 /// Adds a mesh and its materials; those without a colour are as the project's default.
 fn add_mesh(
     mesh: Mesh,
-    (source, file): (u32, &Path),
+    file: SourceFile<'_>,
     axes: Axes,
     plain: u32,
     draft: &mut Draft,
@@ -306,43 +270,14 @@ fn add_mesh(
             (draft.materials.len() as u32 - 1, None)
         })
         .collect();
-    let owner = Owner { source, line: 0, object: None, materials: &materials, mirrored: false };
-    mesh.add(|p| axes.metres(p), &owner, draft, log, file)
-}
-
-impl Source {
-    fn new(file: &Path, format: Format) -> Self {
-        Self {
-            file: file.to_owned(),
-            format: format.name().to_owned(),
-            crs: None,
-            levels_of_detail: BTreeMap::new(),
-            objects: 0,
-            faces: 0,
-            triangles: 0,
-            degenerate: 0,
-            extent_m: None,
-            is_city: format.is_city() || format.is_terrain(),
-        }
-    }
-
-    /// What no file holds.
-    pub(super) fn named(name: &str, format: &str) -> Self {
-        let source = Self::new(Path::new(name), Format::Radiance);
-        Self { format: format.to_owned(), ..source }
-    }
-
-    fn spelt(&self) -> String {
-        let extent = self.extent_m.map_or_else(String::new, |[min, max]| {
-            let size = max - min;
-            format!(", {:.1} x {:.1} x {:.1} m", size.x, size.y, size.z)
-        });
-        let crs = self.crs.as_ref().map_or_else(String::new, |c| format!(", {c}"));
-        format!(
-            "{}: {} objects, {} faces, {} triangles{extent}{crs}",
-            self.format, self.objects, self.faces, self.triangles
-        )
-    }
+    let owner = Owner {
+        source: file.number,
+        line: 0,
+        object: None,
+        materials: &materials,
+        mirrored: false,
+    };
+    mesh.add(|p| axes.metres(p), &owner, draft, log, file.path)
 }
 
 fn empty(scene: &SceneSpec, draft: &Draft) -> Error {

@@ -1,3 +1,10 @@
+//! Where a scene lies: reference system, local origin, true north.
+//!
+//! Local models and map coordinates come together in one scene. Those of a map are moved by the
+//! origin and everything is turned so that +y is true north, because the sun's directions count
+//! from there and a map's grid may be off by degrees (the grid's convergence). Local coordinates
+//! stay small, so that f32 is exact to millimetres.
+
 use std::fmt;
 
 use glam::{DMat3, DVec2, DVec3};
@@ -5,8 +12,8 @@ use glam::{DMat3, DVec2, DVec3};
 use super::clip::Region;
 use super::convergence::true_north_deg;
 use super::draft::{Draft, Shape, in_reach};
-use super::load::Source;
 use super::log::Log;
+use super::source::Source;
 use super::{Coordinates, Error, Origin, SceneSpec};
 use crate::base::Place;
 

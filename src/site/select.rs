@@ -1,3 +1,9 @@
+//! Which faces are PV: the conditions of a `[[pv]]` entry, and what to say where nothing fits.
+//!
+//! An entry that selects nothing is the commonest mistake of a first project. So the answer to it
+//! names what is there instead: near names, the areas behind each, or the tilts and azimuths of the
+//! faces that fulfil all but the orientation.
+
 use std::collections::BTreeMap;
 use std::fmt::Write;
 

@@ -1,3 +1,5 @@
+//! What a project says about a scene and its PV, before any file is opened.
+
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 
@@ -92,6 +94,9 @@ pub struct PvSpec {
     pub two_sided: bool,
 }
 
+/// What objects of arrays are.
+pub(super) const ARRAY_KIND: &str = "pv array";
+
 /// PV on a flat roof or a field, where no panels are modelled: rows of modules.
 #[derive(Clone, Debug, PartialEq, Deserialize, Serialize)]
 #[serde(deny_unknown_fields)]
@@ -162,7 +167,7 @@ impl PvSpec {
     pub fn of_array(name: &str, two_sided: bool) -> Self {
         let select = Select {
             object: Some(name.to_owned()),
-            surface: Some(super::array::KIND.to_owned()),
+            surface: Some(ARRAY_KIND.to_owned()),
             ..Select::default()
         };
         Self { name: name.to_owned(), select, two_sided }

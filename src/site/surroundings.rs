@@ -2,9 +2,9 @@ use glam::{DVec2, DVec3};
 
 use super::draft::{Draft, Full, Shape, Surface};
 use super::format::{Axes, Format};
-use super::load::{Source, bytes_of};
 use super::log::Log;
 use super::placement::extents;
+use super::source::Source;
 use super::{Error, Files, Object, Origin, SceneSpec, terrain};
 use crate::base::{Place, limits};
 
@@ -43,7 +43,7 @@ pub(super) fn terrains(
             continue;
         }
         let place = |line| Place { file: file.path.clone(), line, ..Place::default() };
-        let bytes = bytes_of(files, &file.path)?;
+        let bytes = files.scene_file(&file.path)?;
         let read = |region| match format {
             Format::AsciiGrid => terrain::ascii(&bytes, region),
             _ => terrain::geotiff(&bytes, region).map_err(|message| (0, message)),

@@ -1,3 +1,9 @@
+//! Cutting polygons with holes into triangles, and telling what is no polygon.
+//!
+//! Polygons of city models are flat to centimetres, repeat points, touch themselves and have
+//! slivers. They are projected onto their plane (Newell's normal) and cut by ear clipping
+//! (`earcut`); the areas before and after show where edges cross.
+
 use earcut::Earcut;
 use glam::{DVec2, DVec3};
 

@@ -1,3 +1,5 @@
+//! Weather files: direct normal irradiance by hour, and what a record's time means.
+
 use std::path::Path;
 use std::sync::Arc;
 

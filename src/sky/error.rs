@@ -1,3 +1,5 @@
+//! Why times, places or suns can't be used: one variant for each mistake.
+
 use std::path::PathBuf;
 
 use crate::base::FaultKind;
@@ -71,8 +73,7 @@ pub enum Error {
     HourStep(f64),
     /// A stretch of finer steps that can't be.
     #[error(
-        "finer: expected stretches of `hours` ({} to {}, step {}) with smaller steps, in order and apart, the next one from {least} on; found {from} to {to}, step {step}",
-        hours.from, hours.to, hours.step
+        "finer: expected stretches of `hours` ({hours}) with smaller steps, in order and apart, the next one from {least} on; found {from} to {to}, step {step}"
     )]
     Finer {
         /// First hour given.
@@ -84,7 +85,7 @@ pub enum Error {
         /// Where the stretch before ends.
         least: f64,
         /// What it should be a stretch of.
-        hours: super::HourRange,
+        hours: String,
     },
     /// Equation (1) beyond half a year.
     #[error(

@@ -1,3 +1,5 @@
+//! Ridges beyond the scene: when the sun rises above them.
+
 use std::path::Path;
 
 use glam::DVec3;

@@ -1,3 +1,5 @@
+//! Days and hours as people write them: `A:B:STEP`, the end included.
+
 use super::{Error, calendar};
 
 /// Days of the year, end included: `from + i * step`.

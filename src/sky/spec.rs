@@ -1,3 +1,5 @@
+//! Which instants a project asks for, by which sun, and how strong it is.
+
 use std::str::FromStr;
 
 use super::{DayRange, Error, HourRange};
@@ -12,20 +14,6 @@ pub(super) struct Instant {
     pub hour: f64,
     /// For how much of the day it stands, h.
     pub length_h: f64,
-}
-
-/// Where the site lies on Earth.
-#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
-pub struct Place {
-    /// Degrees north.
-    pub latitude_deg: f64,
-    /// Degrees **east** (gensky counts west).
-    pub longitude_deg: f64,
-    /// Meridian of the zone's standard time, degrees **east**: local standard time is
-    /// UTC + meridian / 15.
-    pub meridian_deg: f64,
-    /// Above the sea, m. The clear sky depends on it.
-    pub elevation_m: f64,
 }
 
 /// Which formulas say where the sun stands.
@@ -113,24 +101,6 @@ pub struct TimeSpec {
     pub half_year: bool,
 }
 
-impl Place {
-    /// Checks that the numbers can be a place.
-    pub(super) fn check(&self) -> Result<(), Error> {
-        let checks = [
-            ("latitude", self.latitude_deg, -90.0, 90.0, "-90 to 90 degrees north"),
-            ("longitude", self.longitude_deg, -180.0, 180.0, "-180 to 180 degrees east"),
-            ("meridian", self.meridian_deg, -180.0, 180.0, "-180 to 180 degrees east"),
-            ("elevation_m", self.elevation_m, -500.0, 9000.0, "-500 to 9000 m"),
-        ];
-        for (field, found, least, most, expected) in checks {
-            if !(least..=most).contains(&found) {
-                return Err(Error::Place { field, expected, found });
-            }
-        }
-        Ok(())
-    }
-}
-
 impl Irradiance {
     /// Checks that the numbers can be a sun's.
     pub(super) fn check(&self) -> Result<(), Error> {
@@ -206,7 +176,9 @@ impl TimeSpec {
             let inside = range.from >= end - SLACK_H && range.to <= self.hours.to + SLACK_H;
             if !inside || range.step >= self.hours.step {
                 let HourRange { from, to, step } = *range;
-                return Err(Error::Finer { from, to, step, least: end, hours: self.hours });
+                let HourRange { from: first, to: last, step: usual } = self.hours;
+                let hours = format!("{first} to {last}, step {usual}");
+                return Err(Error::Finer { from, to, step, least: end, hours });
             }
             end = range.to;
         }

@@ -1,3 +1,5 @@
+//! The timesteps of a run: instants with a sun above the horizon, their weights and segments.
+
 use super::spec::Instant;
 use super::{Error, Irradiance, Place, TimeSpec, altitude_azimuth_deg, clear_sky, gensky};
 use super::{Weather, date_of_day, days_in_year, sun_direction};

@@ -1,3 +1,17 @@
+//! Aiming: which squares of a BSDF's lobes photons are drawn from, for one sun and one PV surface.
+//!
+//! Most of what a flat roof reflects flies into the sky. A photon that is drawn, sent and lost
+//! costs as much as one that lands, so the lobe is cut into squares ([`crate::bsdf::Square`]), and
+//! only those are kept whose cone of directions doesn't clear the horizon of what can be hit.
+//! Cutting goes where it pays: the square with the largest waste (what its bound promises less what
+//! it is seen to give) is cut next, from a heap, until waste falls below 2 % or the budget is
+//! spent. The budget grows with the photons that are wanted for each sun, so that a run of few
+//! photons doesn't cut more than it sends.
+//!
+//! Lobes whose bound is a product of incident and outgoing part (a diffuse base) are cut once for
+//! all suns ([`SharedSquares`]). A uniform grid would not do: a lobe of half a degree wants 14
+//! halvings in one place and none elsewhere.
+
 use std::cmp::Ordering;
 use std::collections::BinaryHeap;
 
@@ -14,9 +28,9 @@ const LEAST_SQUARES: usize = 12;
 /// Photons that a square should be good for: cutting one out takes about as long as sending a few.
 const PHOTONS_A_SQUARE: f64 = 12.0;
 /// What is cut once for all suns may be finer by this factor, up to so many squares.
-const GROUND_SQUARES: usize = 8;
-const MOST_GROUND: usize = 2048;
-/// How much finer lobes are cut for gates, and how finely at least.
+const SHARED_FINER: usize = 8;
+const MOST_SHARED: usize = 2048;
+/// How much finer lobes are cut for virtual sensors, and how finely at least.
 const FINER: usize = 8;
 const LEAST_FINE: usize = 64;
 /// Share of draws that end early from which on cutting further isn't worth it.
@@ -88,17 +102,17 @@ impl Ord for Open {
 
 /// What of an emitter's light is cut once for all suns.
 #[derive(Debug, Default)]
-pub(super) struct Ground {
+pub(super) struct SharedSquares {
     targets: Vec<Target>,
     lobes: Vec<Chart>,
 }
 
-/// Light along the normal: that which [`Ground`] is cut for.
+/// Light along the normal: that which [`SharedSquares`] is cut for.
 fn upright() -> Cone {
     Cone::new(DVec3::Z, 0.0)
 }
 
-impl Ground {
+impl SharedSquares {
     /// Cuts the lobes whose bounds are products, see [`Bsdf::scale`].
     ///
     /// [`Bsdf::scale`]: crate::bsdf::Bsdf::scale
@@ -107,7 +121,7 @@ impl Ground {
         let from = upright();
         let all = emitter.bsdf.charts().iter().copied();
         let lobes: Vec<_> = all.filter(|&l| emitter.bsdf.scale(l, &from).is_some()).collect();
-        let budget = (GROUND_SQUARES * budget).min(MOST_GROUND);
+        let budget = (SHARED_FINER * budget).min(MOST_SHARED);
         Self { targets: cut(emitter, horizon, &from, &lobes, budget), lobes }
     }
 }
@@ -118,7 +132,7 @@ impl Ground {
 /// plane; and it is kept for those pieces alone whose horizon the cone doesn't clear.
 pub(super) fn targets(
     emitter: &Emitter,
-    ground: &Ground,
+    shared: &SharedSquares,
     horizon: Option<&Horizon>,
     from: &Cone,
     budget: usize,
@@ -131,12 +145,12 @@ pub(super) fn targets(
     }
     let Some(horizon) = horizon.filter(|_| budget > 0) else { return vec![whole] };
     let lobes = emitter.bsdf.charts().iter().copied();
-    let lobes: Vec<_> = lobes.filter(|l| !ground.lobes.contains(l)).collect();
+    let lobes: Vec<_> = lobes.filter(|l| !shared.lobes.contains(l)).collect();
     let mut out = cut(emitter, horizon, from, &lobes, budget);
-    for &lobe in &ground.lobes {
+    for &lobe in &shared.lobes {
         let scale = |from: &Cone| emitter.bsdf.scale(lobe, from).unwrap_or(0.0);
         let factor = scale(from) / scale(&upright());
-        let of_lobe = ground.targets.iter().filter(|t| t.square.chart == lobe);
+        let of_lobe = shared.targets.iter().filter(|t| t.square.chart == lobe);
         out.extend(of_lobe.map(|t| Target { most: t.most * factor, ..*t }));
     }
     // A rugged lobe has squares that promise more than it has in all.

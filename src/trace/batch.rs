@@ -1,40 +1,18 @@
+//! Sending photons in batches, in order, on any number of threads.
+//!
+//! A batch is a fixed range of photon numbers: its content depends on nothing else, as random
+//! numbers are counter-based. Batches are traced in parallel, window by window, and delivered one
+//! after the other while the next window is traced. Units are ranges of batches that are sealed and
+//! resumed as a whole, cut by the plan alone, so that shards and machines agree on them.
+
 use std::ops::Range;
 
 use rayon::prelude::*;
 
-use super::emission::Emission;
+use super::Error;
 use super::path::{Batch, Draw, Tracer};
-use super::{Error, Plan};
-use crate::base::{Photon, PhotonSink, Progress, Purpose, SinkError, Tally};
-
-/// Photons that are sent in one piece. Fixed: the tally's sums depend on it.
-pub const BATCH_PHOTONS: u64 = 16_384;
-
-/// Batches of a unit at least and at most, and how many units a plan is cut into in between: few
-/// enough that a unit takes seconds, large enough that many threads find work in it.
-const UNIT_BATCHES: (u64, u64) = (2, 256);
-const UNITS: u64 = 256;
-
-impl Plan {
-    /// Batches of each unit but the last. Depends on nothing but the plan.
-    fn unit_batches(&self) -> u64 {
-        let batches = self.emitted.div_ceil(BATCH_PHOTONS);
-        batches.div_ceil(UNITS).clamp(UNIT_BATCHES.0, UNIT_BATCHES.1)
-    }
-
-    /// Into how many units the plan's photons are cut: contiguous, numbered from 0, the same for
-    /// any threads and machines.
-    pub fn units(&self) -> u64 {
-        self.emitted.div_ceil(BATCH_PHOTONS).div_ceil(self.unit_batches())
-    }
-
-    /// Numbers of the photons of a unit.
-    pub fn unit(&self, unit: u64) -> Range<u64> {
-        let size = self.unit_batches() * BATCH_PHOTONS;
-        let start = unit.saturating_mul(size).min(self.emitted);
-        start..start.saturating_add(size).min(self.emitted)
-    }
-}
+use super::plan::{BATCH_PHOTONS, Plan};
+use crate::base::{PhotonSink, Progress, Purpose, SinkError, Tally};
 
 /// Takes photons, and is told when a unit is complete.
 pub trait UnitSink: PhotonSink {
@@ -45,44 +23,14 @@ pub trait UnitSink: PhotonSink {
     fn complete(&mut self, unit: u64, tally: &Tally) -> Result<(), SinkError>;
 }
 
-/// Sends all photons of a plan and delivers those that land, batch by batch in order, whatever
-/// the number of threads; the sink is called by one thread at a time while the next batches are
-/// traced. Runs in the current rayon pool and holds some four batches a thread.
-///
-/// # Errors
-/// What [`Emission::check`] finds, a sink that can't keep its photons, and interruption.
-pub fn run(
-    emission: &Emission,
-    plan: &Plan,
-    sink: &mut dyn PhotonSink,
-    progress: &dyn Progress,
-) -> Result<Tally, Error> {
-    let units: Vec<u64> = (0..plan.units()).collect();
-    let mut sink = Summing { sink, tally: Tally::default() };
-    run_units(emission, plan, &units, &mut sink, progress)?;
-    Ok(sink.tally)
-}
-
-/// Sends the photons of some units of a plan, one unit after the other; [`run`] for all of them.
-/// The tally of the whole is the sum of the units' in ascending order, to the last bit.
-///
-/// # Errors
-/// What [`Emission::check`] finds, a sink that can't keep its photons, and interruption.
-pub fn run_units(
-    emission: &Emission,
-    plan: &Plan,
-    units: &[u64],
-    sink: &mut dyn UnitSink,
-    progress: &dyn Progress,
-) -> Result<(), Error> {
-    Tracer::new(emission)?.run_units(plan, units, sink, progress)
-}
-
 impl Tracer<'_> {
-    /// See [`run_units`].
+    /// Sends the photons of some units of a plan and delivers those that land, batch by batch in
+    /// order, whatever the number of threads; the sink is called by one thread at a time while the
+    /// next batches are traced. Runs in the current rayon pool and holds some four batches a thread.
+    /// The tally of the whole is the sum of the units' in ascending order, to the last bit.
     ///
     /// # Errors
-    /// As there.
+    /// A sink that can't keep its photons, and interruption.
     pub fn run_units(
         &self,
         plan: &Plan,
@@ -91,7 +39,7 @@ impl Tracer<'_> {
         progress: &dyn Progress,
     ) -> Result<(), Error> {
         let seed = self.emission.settings.seed;
-        let purpose = if self.gates.is_some() { Purpose::Gate } else { Purpose::Photon };
+        let purpose = if self.sensors.is_some() { Purpose::Sensor } else { Purpose::Photon };
         let draw = Draw { purpose, seed, emitted: plan.emitted };
         let count = |&unit: &u64| {
             let numbers = plan.unit(unit);
@@ -106,25 +54,6 @@ impl Tracer<'_> {
         });
         progress.finish();
         result
-    }
-}
-
-/// Adds up the tallies of the units.
-struct Summing<'a> {
-    sink: &'a mut dyn PhotonSink,
-    tally: Tally,
-}
-
-impl PhotonSink for Summing<'_> {
-    fn accept(&mut self, photons: &[Photon]) -> Result<(), SinkError> {
-        self.sink.accept(photons)
-    }
-}
-
-impl UnitSink for Summing<'_> {
-    fn complete(&mut self, _unit: u64, tally: &Tally) -> Result<(), SinkError> {
-        self.tally.add(tally);
-        Ok(())
     }
 }
 

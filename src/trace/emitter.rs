@@ -1,3 +1,9 @@
+//! A side of a PV surface as photons start from it, cut into pieces.
+//!
+//! A horizon for the whole of a long roof would be too careful: one end sees a wall that the other
+//! doesn't. So each side is cut into up to 128 pieces, each with a horizon of its own, and a set of
+//! pieces is one integer ([`Pieces`]).
+
 use glam::{DVec3, Vec3};
 
 use super::clip::Polygon;

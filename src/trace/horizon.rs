@@ -1,14 +1,26 @@
+//! Horizons: under which elevation anything can be hit from a piece of PV, by compass direction.
+//!
+//! The question is asked millions of times: can a photon that starts anywhere in this box and flies
+//! anywhere into this cone hit anything within the path limit? A ray can't answer it for a cone,
+//! and the answer no must be proved, as what it leaves out is never sampled. So all triangles are
+//! rasterised into columns of a quadtree ([`super::skyline`]), each with its highest point, and for
+//! every piece and each of 512 directions the largest tangent of the elevation to any column is
+//! kept.
+//!
+//! [`super::reach`] holds the same as a pyramid of pictures, azimuth by elevation, in which a pixel
+//! is the set of pieces that may reach something there: a cone is answered for all pieces by a few
+//! look-ups.
+
 use glam::DVec3;
 
+use super::compass::{BINS, compass};
 use super::emitter::{Emitter, Piece, Pieces, reach_m};
 use super::reach::Reach;
 use super::skyline::{Column, Skyline};
-use crate::base::Gate;
+use crate::base::VirtualSensor;
 use crate::bsdf::Cone;
 use crate::site::Site;
 
-/// Directions of the compass that are told apart.
-pub(super) const BINS: usize = 512;
 /// A column this small against its distance is not looked into further.
 const FINE_ENOUGH: f64 = 0.03;
 /// Triangles looked at over all emitters; emitters beyond have no horizon and trace every ray.
@@ -59,16 +71,17 @@ pub(super) fn horizons(site: &Site, emitters: &[Emitter], max_path_m: f64) -> Ve
         .collect()
 }
 
-/// The horizons of all emitters where gates are all that can be reached.
-pub(super) fn gate_horizons(
+/// The horizons of all emitters where virtual sensors are all that can be reached.
+pub(super) fn sensor_horizons(
     site: &Site,
     emitters: &[Emitter],
-    gates: &[Gate],
+    sensors: &[VirtualSensor],
     max_path_m: f64,
 ) -> Vec<Option<Horizon>> {
     use rayon::prelude::*;
-    let spans: Vec<(Gate, Span)> = gates.iter().map(|gate| (*gate, span_of(gate))).collect();
-    let work = |emitter: &Emitter| (emitter.pieces.len() * gates.len()) as u64;
+    let spans: Vec<(VirtualSensor, Span)> =
+        sensors.iter().map(|sensor| (*sensor, span_of(sensor))).collect();
+    let work = |emitter: &Emitter| (emitter.pieces.len() * sensors.len()) as u64;
     let mut left = MOST_WORK / 8;
     let allowed: Vec<bool> = emitters
         .iter()
@@ -88,25 +101,11 @@ pub(super) fn gate_horizons(
         .collect()
 }
 
-/// The box of a gate.
-pub(super) fn span_of(gate: &Gate) -> Span {
-    let n = gate.normal;
-    let half = (DVec3::ONE - n * n).max(DVec3::ZERO).map(f64::sqrt) * gate.radius_m;
-    (gate.centre - half, gate.centre + half)
-}
-
-/// A number that grows with the azimuth, from 0 (x axis) over 1 (y axis) to 4, without
-/// trigonometry.
-#[inline]
-pub(super) fn compass(x: f64, y: f64) -> f64 {
-    let turn = if x.abs() + y.abs() > 0.0 { y / (x.abs() + y.abs()) } else { 0.0 };
-    if x < 0.0 {
-        2.0 - turn
-    } else if turn < 0.0 {
-        4.0 + turn
-    } else {
-        turn
-    }
+/// The box of a virtual sensor.
+pub(super) fn span_of(sensor: &VirtualSensor) -> Span {
+    let n = sensor.normal;
+    let half = (DVec3::ONE - n * n).max(DVec3::ZERO).map(f64::sqrt) * sensor.radius_m;
+    (sensor.centre - half, sensor.centre + half)
 }
 
 impl Horizon {
@@ -135,11 +134,11 @@ impl Horizon {
         Self { tangents, reach, floor: None }
     }
 
-    /// The horizon where gates are all that can be reached. `gates` are boxes around them.
+    /// The horizon where virtual sensors are all that can be reached. `virtual sensors` are boxes around them.
     fn around(
         site: &Site,
         emitter: &Emitter,
-        gates: &[(Gate, Span)],
+        sensors: &[(VirtualSensor, Span)],
         rasters: (usize, usize),
         max_path_m: f64,
     ) -> Self {
@@ -149,8 +148,8 @@ impl Horizon {
             let flip = |span: &Span| if mirrored { mirror(*span) } else { *span };
             let mut tangents = vec![f32::NEG_INFINITY; boxes.len() * BINS];
             for (span, tangents) in boxes.iter().zip(tangents.chunks_mut(BINS)) {
-                for (gate, around) in gates {
-                    if !emitter.faces(around) || !lies_before(gate, span, margin_m) {
+                for (sensor, around) in sensors {
+                    if !emitter.faces(around) || !lies_before(sensor, span, margin_m) {
                         continue;
                     }
                     let (low, high) = flip(around);
@@ -244,11 +243,11 @@ fn boxes(emitter: &Emitter, margin_m: f64) -> Vec<Span> {
     emitter.pieces.iter().map(around).collect()
 }
 
-/// Whether any point of a box lies on the side of a gate that light is counted on.
-fn lies_before(gate: &Gate, (low, high): &Span, margin_m: f64) -> bool {
-    let n = gate.normal;
+/// Whether any point of a box lies on the side of a virtual sensor that light is counted on.
+fn lies_before(sensor: &VirtualSensor, (low, high): &Span, margin_m: f64) -> bool {
+    let n = sensor.normal;
     let farthest = DVec3::select(n.cmpgt(DVec3::ZERO), *high, *low);
-    n.dot(farthest - gate.centre) > -margin_m
+    n.dot(farthest - sensor.centre) > -margin_m
 }
 
 #[inline]
@@ -369,20 +368,6 @@ fn bins_of(corners: [(f64, f64); 4]) -> (usize, usize) {
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn the_compass_grows_all_the_way_round() {
-        let mut last = -1.0;
-        for i in 0..3600 {
-            let angle = (f64::from(i) * 0.1).to_radians();
-            let now = compass(libm::cos(angle), libm::sin(angle));
-            assert!(now > last && (0.0..4.0).contains(&now), "at {}: {now}", f64::from(i) * 0.1);
-            last = now;
-        }
-        for (x, y, at) in [(1.0, 0.0, 0.0), (0.0, 2.0, 1.0), (-1.0, 0.0, 2.0), (0.0, -1.0, 3.0)] {
-            assert_eq!(compass(x, y), at);
-        }
-    }
 
     #[test]
     fn bins_hold_every_direction_of_a_rectangle() {

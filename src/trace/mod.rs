@@ -1,9 +1,9 @@
 //! From the sun to the place where a photon lands.
 //!
 //! Only the PV emits, and only what may land. The BSDF is drawn from a unit square for each of its
-//! lobes ([`Chart`]); for each sun and PV surface these are cut into smaller squares, those with the
-//! largest waste first, and a square is kept only for those pieces of the surface from which a cone
-//! that holds all its directions, for all of the sun's disc, doesn't clear the horizon: a
+//! lobes ([`Chart`]); for each sun and PV surface these are cut into smaller squares, those with
+//! the largest waste first, and a square is kept only for those pieces of the surface from which a
+//! cone that holds all its directions, for all of the sun's disc, doesn't clear the horizon: a
 //! conservative one, for each piece and compass direction, of what lies within the path limit. So
 //! what is left out provably reaches nothing. Squares are cut as finely as the photons wanted for
 //! each sun are worth, and again as photons come to them: memory doesn't grow with the suns.
@@ -19,35 +19,37 @@
 //! the shadow on photons that would have flown towards the neighbourhood alone: the others aren't
 //! asked.
 //!
-//! [`Through`] gates in free air photons are sent in a run of their own, aimed at them alone: what
-//! lands, and what is stored of it, doesn't depend on who stands in the air. What can't cross a gate
-//! is [`Fate::NotSampled`] there, what lands before it does [`Fate::Escaped`].
+//! [`Through`] virtual sensors in free air photons are sent in a run of their own, aimed at them
+//! alone: what lands, and what is stored of it, doesn't depend on who stands in the air. What can't
+//! cross a virtual sensor is [`Fate::NotSampled`] there, what lands before it does
+//! [`Fate::Escaped`].
 //!
-//! [`Fate::Escaped`]: crate::base::Fate::Escaped
-//! [`Fate::NotSampled`]: crate::base::Fate::NotSampled
-//! [`Chart`]: crate::bsdf::Chart
+//! [`Fate::Escaped`]: crate::base::Fate::Escaped [`Fate::NotSampled`]:
+//! crate::base::Fate::NotSampled [`Chart`]: crate::bsdf::Chart
 
 mod aim;
 mod batch;
 mod clip;
+mod compass;
 mod disc;
 mod emission;
 mod emitter;
 mod error;
-mod gates;
 mod horizon;
 mod path;
 mod pilot;
+mod plan;
 mod power;
 mod reach;
 mod replay;
 mod skyline;
+mod virtual_sensors;
 mod yields;
 
-pub use batch::{BATCH_PHOTONS, UnitSink, run, run_units};
+pub use batch::UnitSink;
 pub use emission::{Emission, Receivers, Settings};
 pub use error::Error;
-pub use gates::Through;
 pub use path::Tracer;
-pub use pilot::{Plan, plan};
+pub use plan::{BATCH_PHOTONS, Plan};
 pub use replay::Retold;
+pub use virtual_sensors::Through;

@@ -1,16 +1,23 @@
+//! One photon from the sun to its end.
+//!
+//! Photon `n` of `N` belongs to a fixed position of the distribution over timesteps, emitters and
+//! squares ([`super::power`]): stratified, so that each sun gets its share of photons to within
+//! one, and the same photon whoever sends it. What is decided on the way, in order: the point of
+//! the sun's disc, the square's direction and survival, the piece and the point that it starts
+//! from, whether the sun is seen from there, and where it lands.
+
 use std::ops::Range;
 
 use glam::DVec3;
 
 use super::Error;
-use super::aim::{self, Ground};
+use super::aim::{self, SharedSquares};
 use super::disc::Disc;
 use super::emission::{Emission, Receivers};
 use super::emitter::{Emitter, emitters};
-use super::gates::{Gates, Through};
-use super::horizon::{Horizon, gate_horizons, horizons};
+use super::horizon::{Horizon, horizons, sensor_horizons};
 use super::power::{Aim, Power, Shares, Sources};
-use super::replay::{Retold, lobe, word};
+use super::virtual_sensors::{SensorTree, Through};
 use super::yields::Yields;
 use crate::base::{Fate, Photon, Purpose, Stream, Tally};
 use crate::sky;
@@ -18,21 +25,21 @@ use crate::sky;
 /// Everything that photons need, worked out once: horizons, and what falls to which timestep.
 pub struct Tracer<'a> {
     pub(super) emission: &'a Emission<'a>,
-    emitters: Vec<Emitter<'a>>,
+    pub(super) emitters: Vec<Emitter<'a>>,
     /// What can be reached within the path limit.
     horizons: Vec<Option<Horizon>>,
     /// What can be seen at all.
     skies: Vec<Option<Horizon>>,
-    grounds: Vec<Ground>,
+    shared: Vec<SharedSquares>,
     disc: Disc,
     /// See [`aim::budget`].
     budget: usize,
-    power: Power,
+    pub(super) power: Power,
     max_path_m: f32,
     /// Month of each timestep from 0; empty where no crown changes with the season.
     months: Vec<u8>,
-    /// Where photons are recorded that cross a gate instead of those that land.
-    pub(super) gates: Option<Gates>,
+    /// Where photons are recorded that cross a virtual sensor instead of those that land.
+    pub(super) sensors: Option<SensorTree>,
 }
 
 /// What a range of photons came to.
@@ -44,25 +51,26 @@ pub(super) struct Batch {
 
 /// One photon's way.
 #[derive(Clone, Copy, Debug)]
-struct Path {
-    fate: Fate,
+pub(super) struct Path {
+    pub fate: Fate,
     /// Unit vector to the point of the sun's disc that it came from.
-    to_sun: DVec3,
+    pub to_sun: DVec3,
     /// See [`crate::bsdf::Scattered`].
-    weight: f64,
+    pub weight: f64,
     /// Flux that left the PV, W.
-    left_w: f64,
+    pub left_w: f64,
     /// `None`: the photon died in the PV.
-    flight: Option<Flight>,
+    pub flight: Option<Flight>,
 }
 
+/// Where a photon flew that left the PV.
 #[derive(Clone, Copy, Debug)]
-struct Flight {
+pub(super) struct Flight {
     /// `None`: whatever the point, nothing is reached.
-    start: Option<DVec3>,
-    direction: DVec3,
+    pub start: Option<DVec3>,
+    pub direction: DVec3,
     /// Distance and triangle.
-    hit: Option<(f32, u32)>,
+    pub hit: Option<(f32, u32)>,
 }
 
 /// Which photons: of how many, and drawn for what.
@@ -88,18 +96,22 @@ impl<'a> Tracer<'a> {
         Self::with(emission, true, None)
     }
 
-    /// Gets ready to send photons through gates in free air: only what may cross one is sent, and
-    /// what crosses is delivered, once for each gate that it crosses, instead of what lands.
+    /// Gets ready to send photons through virtual sensors in free air: only what may cross one is sent, and
+    /// what crosses is delivered, once for each virtual sensor that it crosses, instead of what lands.
     /// `settings.stored` crossings are aimed at, with `most` photons sent.
     ///
     /// # Errors
     /// What [`Emission::check`] finds, and [`Error::NoFlux`].
-    pub fn through(emission: &'a Emission<'a>, gates: &Through<'_>) -> Result<Self, Error> {
-        Self::with(emission, true, Some(Gates::of(gates)))
+    pub fn through(emission: &'a Emission<'a>, sensors: &Through<'_>) -> Result<Self, Error> {
+        Self::with(emission, true, Some(SensorTree::of(sensors)))
     }
 
     /// `cut`: whether lobes are cut into squares, or drawn as a whole.
-    fn with(emission: &'a Emission<'a>, cut: bool, gates: Option<Gates>) -> Result<Self, Error> {
+    fn with(
+        emission: &'a Emission<'a>,
+        cut: bool,
+        sensors: Option<SensorTree>,
+    ) -> Result<Self, Error> {
         emission.check()?;
         let timeline = emission.timeline;
         let disc = Disc::new(timeline.sun_diameter_deg);
@@ -107,25 +119,25 @@ impl<'a> Tracer<'a> {
         let yields = Yields::of(&emitters);
         let horizons_of = |max_path_m| horizons(emission.site, &emitters, max_path_m);
         let max_path_m = emission.settings.max_path_m;
-        let horizons = match &gates {
+        let horizons = match &sensors {
             None => horizons_of(max_path_m),
-            Some(gates) => gate_horizons(emission.site, &emitters, gates.all(), max_path_m),
+            Some(sensors) => sensor_horizons(emission.site, &emitters, sensors.all(), max_path_m),
         };
         let pairs = emitters.len() * timeline.steps.len();
-        let budget = match (cut, &gates) {
+        let budget = match (cut, &sensors) {
             (false, _) => 0,
             (true, None) => aim::budget(emission.settings.stored, pairs),
             (true, Some(_)) => aim::fine_budget(emission.settings.stored, pairs),
         };
-        let grounds: Vec<Ground> = emitters
+        let shared: Vec<SharedSquares> = emitters
             .iter()
             .zip(&horizons)
-            .map(|(emitter, horizon)| Ground::of(emitter, horizon.as_ref(), budget))
+            .map(|(emitter, horizon)| SharedSquares::of(emitter, horizon.as_ref(), budget))
             .collect();
         let sources = Sources {
             emitters: &emitters,
             horizons: &horizons,
-            grounds: &grounds,
+            shared: &shared,
             disc,
             timeline,
             budget,
@@ -146,13 +158,13 @@ impl<'a> Tracer<'a> {
             emitters,
             horizons,
             skies,
-            grounds,
+            shared,
             disc,
             budget,
             power,
             max_path_m,
             months,
-            gates,
+            sensors,
         })
     }
 
@@ -168,11 +180,11 @@ impl<'a> Tracer<'a> {
         tally
     }
 
-    fn sources(&self) -> Sources<'_> {
+    pub(super) fn sources(&self) -> Sources<'_> {
         Sources {
             emitters: &self.emitters,
             horizons: &self.horizons,
-            grounds: &self.grounds,
+            shared: &self.shared,
             disc: self.disc,
             timeline: self.emission.timeline,
             budget: self.budget,
@@ -200,11 +212,11 @@ impl<'a> Tracer<'a> {
                     let path = self.follow(&current, aim, each_w, &mut random);
                     out.tally.book(path.fate, path.left_w);
                     out.tally.over_bound += u64::from(path.weight > 1.0);
-                    match &self.gates {
+                    match &self.sensors {
                         _ if !keep => {}
                         None => out.photons.extend(self.photon(&current, aim, &path)),
-                        Some(gates) => {
-                            self.crossings(gates, &current, aim, &path, &mut out.photons);
+                        Some(sensors) => {
+                            self.crossings(sensors, &current, aim, &path, &mut out.photons);
                         }
                     }
                 }
@@ -219,7 +231,13 @@ impl<'a> Tracer<'a> {
 
     /// Follows one photon from the sun to its end.
     #[inline]
-    fn follow(&self, shares: &Shares, aim: &Aim, each_w: f64, random: &mut Stream) -> Path {
+    pub(super) fn follow(
+        &self,
+        shares: &Shares,
+        aim: &Aim,
+        each_w: f64,
+        random: &mut Stream,
+    ) -> Path {
         let emitter = &self.emitters[aim.emitter];
         let to_sun = self.disc.direction(&shares.sun, random.uniform(), random.uniform());
         let incident = emitter.frame.local_from_world(to_sun);
@@ -243,12 +261,14 @@ impl<'a> Tracer<'a> {
             flight.start = Some(start);
             let ways = (to_sun, direction);
             let crosses = |reach_m: f32| {
-                self.gates.as_ref().is_none_or(|gates| gates.crossed(start, direction, reach_m))
+                self.sensors
+                    .as_ref()
+                    .is_none_or(|sensors| sensors.crossed(start, direction, reach_m))
             };
             if crosses(self.max_path_m) {
                 let (fate, hit) = self.fly((aim.emitter, piece), start, ways, shares.step, random);
                 flight.hit = hit;
-                match &self.gates {
+                match &self.sensors {
                     Some(_) if fate != Fate::Blocked => {
                         match crosses(hit.map_or(self.max_path_m, |(distance_m, _)| distance_m)) {
                             true => Fate::Stored,
@@ -266,7 +286,7 @@ impl<'a> Tracer<'a> {
 
     /// What is stored of a photon, if it is.
     #[inline]
-    fn photon(&self, shares: &Shares, aim: &Aim, path: &Path) -> Option<Photon> {
+    pub(super) fn photon(&self, shares: &Shares, aim: &Aim, path: &Path) -> Option<Photon> {
         if path.fate != Fate::Stored {
             return None;
         }
@@ -284,11 +304,11 @@ impl<'a> Tracer<'a> {
         })
     }
 
-    /// What is recorded of a photon at the gates that it crosses before it lands.
+    /// What is recorded of a photon at the virtual sensors that it crosses before it lands.
     #[inline]
     fn crossings(
         &self,
-        gates: &Gates,
+        sensors: &SensorTree,
         shares: &Shares,
         aim: &Aim,
         path: &Path,
@@ -299,7 +319,7 @@ impl<'a> Tracer<'a> {
         };
         let Some(start) = flight.start else { return };
         let reach_m = flight.hit.map_or(self.max_path_m, |(distance_m, _)| distance_m);
-        gates.each_crossed(start, flight.direction, reach_m, |position, normal| {
+        sensors.each_crossed(start, flight.direction, reach_m, |position, normal| {
             out.push(Photon {
                 position,
                 normal,
@@ -309,44 +329,6 @@ impl<'a> Tracer<'a> {
                 surface: self.emitters[aim.emitter].surface,
             });
         });
-    }
-
-    /// See [`Tracer::replay`]. `None` only where nothing can be sent at all.
-    pub(super) fn retell(&self, draw: Draw, number: u64) -> Option<Retold> {
-        let each_w = self.power.total_w() / draw.emitted as f64;
-        let mut random = Stream::new(draw.seed, draw.purpose, number);
-        let at_w = (number as f64 + random.uniform()) * each_w;
-        let shares = Shares::of(&self.sources(), self.power.find(at_w));
-        let aim = *shares.at(at_w - self.power.before_w(shares.step), &mut 0)?;
-        let path = self.follow(&shares, &aim, each_w, &mut random);
-        let emitter = &self.emitters[aim.emitter];
-        let pv = &self.emission.site.pv[usize::from(emitter.surface)];
-        let start = path.flight.and_then(|f| f.start);
-        let hit = path.flight.and_then(|f| f.hit);
-        let looked = start.is_some() && self.emission.settings.sun_visibility;
-        let target = aim.target;
-        Some(Retold {
-            photon: number,
-            emitted: draw.emitted,
-            timestep: shares.step,
-            to_sun: path.to_sun.to_array(),
-            surface: emitter.surface,
-            back: emitter.frame.z.dot(pv.normal) < 0.0,
-            incidence_deg: libm::acos(emitter.frame.z.dot(path.to_sun).clamp(-1.0, 1.0))
-                .to_degrees(),
-            lobe: lobe(target.square.chart),
-            lobe_share: target.square.area(),
-            area_share: target.share,
-            weight: path.weight,
-            start: start.map(|p| p.to_array()),
-            direction: path.flight.map(|f| f.direction.to_array()),
-            sun_visible: looked.then_some(path.fate != Fate::Blocked),
-            fate: word(path.fate),
-            distance_m: hit.map(|h| h.0),
-            triangle: hit.map(|h| h.1),
-            landed: self.photon(&shares, &aim, &path).map(|p| p.position.to_array()),
-            flux_w: path.left_w,
-        })
     }
 
     /// The way to the sun, and the flight: what becomes of the photon, and if it hits something

@@ -1,7 +1,15 @@
+//! How many photons to send so that as many land as were asked for: a pilot finds out.
+//!
+//! Users ask for stored photons, since these decide about noise. The share that lands isn't known
+//! beforehand, so a pilot sends photons of its own, in growing rounds over the whole year, until
+//! enough have landed to know it to 0.5 %. They are thrown away: keeping them would make the store
+//! depend on how the rounds went.
+
 use super::Error;
-use super::batch::{BATCH_PHOTONS, send_all};
+use super::batch::send_all;
 use super::emission::Emission;
 use super::path::{Draw, Tracer};
+use super::plan::{BATCH_PHOTONS, Plan};
 use crate::base::{Progress, Purpose, Tally};
 
 /// Landed photons that a pilot counts: the share that lands is then known to 0.5 % or better.
@@ -13,49 +21,25 @@ const FIRST_ROUND: u64 = 32_768;
 /// Landed photons without which a pilot says nothing, and how many it sends before it gives up.
 const PILOT_LEAST: u64 = 64;
 const PILOT_PATIENCE: u64 = 1 << 24;
-/// Photons that may always be sent through gates.
+/// Photons that may always be sent through virtual sensors.
 const LEAST_SENT: u64 = 1 << 24;
 /// Photons that a run may send.
 const MOST_EMITTED: f64 = (1_u64 << 48) as f64;
 
-/// How many photons a run sends: what the pilot found.
-#[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
-pub struct Plan {
-    /// Photons that the run sends.
-    pub emitted: u64,
-    /// Photons that the pilot sent, and threw away.
-    pub pilot_emitted: u64,
-    /// Of these, how many landed where they would have been stored.
-    pub pilot_stored: u64,
-    /// Flux of each photon of the run, W.
-    pub photon_w: f64,
-    /// Where the pilot's photons and flux went.
-    pub pilot: Tally,
-}
-
-/// Finds how many photons to send so that `settings.stored` land. Deterministic: sends photons of
-/// their own in growing rounds, each spread over the whole year, until about 40,000 have landed
-/// (fewer for targets below 100,000).
-///
-/// # Errors
-/// What [`Emission::check`] finds, [`Error::NothingLands`] with the shares that say why, and
-/// interruption.
-pub fn plan(emission: &Emission, progress: &dyn Progress) -> Result<Plan, Error> {
-    Tracer::new(emission)?.plan(progress)
-}
-
 impl Tracer<'_> {
-    /// See [`plan`].
+    /// Finds how many photons to send so that `settings.stored` land. Deterministic: sends photons of
+    /// their own in growing rounds, each spread over the whole year, until about 40,000 have landed
+    /// (fewer for targets below 100,000).
     ///
     /// # Errors
-    /// As there.
+    /// [`Error::NothingLands`] with the shares that say why, and interruption.
     pub fn plan(&self, progress: &dyn Progress) -> Result<Plan, Error> {
         let (tracer, emission) = (self, self.emission);
         let target = emission.settings.stored;
         let wanted = (target / 5 * 2).clamp(1000, PILOT_STORED);
         progress.begin("pilot", wanted, "landed photons");
-        if let Some(gates) = &tracer.gates {
-            let plan = self.gate_plan(gates.most(), wanted, progress);
+        if let Some(sensors) = &tracer.sensors {
+            let plan = self.sensor_plan(sensors.most(), wanted, progress);
             progress.finish();
             return plan;
         }
@@ -82,15 +66,15 @@ impl Tracer<'_> {
         })
     }
 
-    /// Through gates as many are sent as cross them often enough, but `most` at most: a gate in the
+    /// Through virtual sensors as many are sent as cross them often enough, but `most` at most: a virtual sensor in the
     /// shade of everything is no mistake, nor one that little light reaches.
-    fn gate_plan(&self, most: u64, wanted: u64, progress: &dyn Progress) -> Result<Plan, Error> {
+    fn sensor_plan(&self, most: u64, wanted: u64, progress: &dyn Progress) -> Result<Plan, Error> {
         let most = most.max(LEAST_SENT);
         let mut tally = Tally::default();
         let mut emitted = 1;
         if self.total_w() > 0.0 {
             let limits = Limits { wanted, most: most / 4, patient: true };
-            tally = rounds(self, self.emission, Purpose::GatePilot, limits, progress)?;
+            tally = rounds(self, self.emission, Purpose::SensorPilot, limits, progress)?;
             let each = tally.sent.photons as f64 / tally.stored.photons.max(1) as f64;
             let needed = (self.emission.settings.stored as f64 * each).ceil();
             emitted = (needed.min(most as f64) as u64).max(1);

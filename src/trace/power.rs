@@ -1,7 +1,14 @@
+//! The distribution that photons are drawn from: watts over timesteps, emitters and squares.
+//!
+//! With 260,000 suns and a thousand squares each, the table of all squares doesn't fit into memory.
+//! Only the sum of each timestep is kept; its squares are cut again, deterministically, when
+//! photons come to it. As photons come in the order of their number, that is once for each timestep
+//! and batch.
+
 use glam::DVec3;
 use rayon::prelude::*;
 
-use super::aim::{self, Ground, Target};
+use super::aim::{self, SharedSquares, Target};
 use super::disc::Disc;
 use super::emitter::Emitter;
 use super::horizon::Horizon;
@@ -13,7 +20,7 @@ use crate::bsdf::Cone;
 pub(super) struct Sources<'a> {
     pub emitters: &'a [Emitter<'a>],
     pub horizons: &'a [Option<Horizon>],
-    pub grounds: &'a [Ground],
+    pub shared: &'a [SharedSquares],
     pub disc: Disc,
     pub timeline: &'a Timeline,
     /// See [`aim::budget`].
@@ -69,8 +76,8 @@ impl Sources<'_> {
                 continue;
             }
             let horizon = self.horizons[number].as_ref();
-            let ground = &self.grounds[number];
-            for target in aim::targets(emitter, ground, horizon, &from, self.budget) {
+            let shared = &self.shared[number];
+            for target in aim::targets(emitter, shared, horizon, &from, self.budget) {
                 let watts = irradiance_w_m2 * emitter.area_m2 * target.weight();
                 if watts > 0.0 {
                     sum += watts;

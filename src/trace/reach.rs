@@ -1,5 +1,5 @@
+use super::compass::{BINS, compass};
 use super::emitter::Pieces;
-use super::horizon::{BINS, compass};
 
 /// Which pieces of an emitter may reach something in a direction: their horizons as one picture,
 /// azimuth by elevation, in which each pixel is a set of pieces; and the same with columns of 2,

@@ -1,8 +1,10 @@
 use serde::Serialize;
 
+use super::Error;
 use super::path::{Draw, Tracer};
-use super::{Error, Plan};
-use crate::base::{Fate, Purpose};
+use super::plan::Plan;
+use super::power::Shares;
+use crate::base::{Fate, Purpose, Stream};
 use crate::bsdf::Chart;
 
 /// One photon's path, retold.
@@ -48,7 +50,7 @@ pub struct Retold {
     pub flux_w: f64,
 }
 
-pub(super) fn word(fate: Fate) -> &'static str {
+fn word(fate: Fate) -> &'static str {
     match fate {
         Fate::Blocked => "blocked",
         Fate::Absorbed => "absorbed",
@@ -60,7 +62,7 @@ pub(super) fn word(fate: Fate) -> &'static str {
     }
 }
 
-pub(super) fn lobe(chart: Chart) -> &'static str {
+fn lobe(chart: Chart) -> &'static str {
     match chart {
         Chart::Whole => "whole",
         Chart::Mirrored => "mirrored",
@@ -87,5 +89,43 @@ impl Tracer<'_> {
         let draw = Draw { purpose: Purpose::Photon, seed, emitted: plan.emitted };
         self.retell(draw, photon)
             .ok_or(Error::NoFlux { timesteps: self.emission.timeline.steps.len() })
+    }
+
+    /// `None` only where nothing can be sent at all.
+    fn retell(&self, draw: Draw, number: u64) -> Option<Retold> {
+        let each_w = self.power.total_w() / draw.emitted as f64;
+        let mut random = Stream::new(draw.seed, draw.purpose, number);
+        let at_w = (number as f64 + random.uniform()) * each_w;
+        let shares = Shares::of(&self.sources(), self.power.find(at_w));
+        let aim = *shares.at(at_w - self.power.before_w(shares.step), &mut 0)?;
+        let path = self.follow(&shares, &aim, each_w, &mut random);
+        let emitter = &self.emitters[aim.emitter];
+        let pv = &self.emission.site.pv[usize::from(emitter.surface)];
+        let start = path.flight.and_then(|f| f.start);
+        let hit = path.flight.and_then(|f| f.hit);
+        let looked = start.is_some() && self.emission.settings.sun_visibility;
+        let target = aim.target;
+        Some(Retold {
+            photon: number,
+            emitted: draw.emitted,
+            timestep: shares.step,
+            to_sun: path.to_sun.to_array(),
+            surface: emitter.surface,
+            back: emitter.frame.z.dot(pv.normal) < 0.0,
+            incidence_deg: libm::acos(emitter.frame.z.dot(path.to_sun).clamp(-1.0, 1.0))
+                .to_degrees(),
+            lobe: lobe(target.square.chart),
+            lobe_share: target.square.area(),
+            area_share: target.share,
+            weight: path.weight,
+            start: start.map(|p| p.to_array()),
+            direction: path.flight.map(|f| f.direction.to_array()),
+            sun_visible: looked.then_some(path.fate != Fate::Blocked),
+            fate: word(path.fate),
+            distance_m: hit.map(|h| h.0),
+            triangle: hit.map(|h| h.1),
+            landed: self.photon(&shares, &aim, &path).map(|p| p.position.to_array()),
+            flux_w: path.left_w,
+        })
     }
 }

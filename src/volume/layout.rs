@@ -8,6 +8,7 @@ use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value, json};
 
 use super::{Error, axis::Axis};
+use crate::base::Irradiance;
 use crate::base::limits::{MAX_TIMESTEPS, MAX_VIEW_EDGE, MAX_VIEW_PIXELS, TILE_EDGE};
 use crate::base::{Provenance, TileRect};
 
@@ -24,31 +25,11 @@ pub(super) const LEDGER: &str = "tiles";
 /// The ledger while the volume is written.
 pub(super) const GROWING: &str = "tiles.growing";
 
-/// Which irradiance a volume holds.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "lowercase")]
-pub enum Quantity {
-    /// E: on the surface.
-    Surface,
-    /// E_n: on a plane that faces the beam, what an eye receives.
-    Normal,
-}
-
-impl Quantity {
-    /// The name in files: `surface` or `normal`.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Surface => "surface",
-            Self::Normal => "normal",
-        }
-    }
-
-    fn long_name(self) -> &'static str {
-        match self {
-            Self::Surface => "irradiance on the surface, from the photovoltaic surfaces alone",
-            Self::Normal => {
-                "irradiance on a plane that faces the beam, from the photovoltaic surfaces alone"
-            }
+fn long_name(quantity: Irradiance) -> &'static str {
+    match quantity {
+        Irradiance::Surface => "irradiance on the surface, from the photovoltaic surfaces alone",
+        Irradiance::FacingBeam => {
+            "irradiance on a plane that faces the beam, from the photovoltaic surfaces alone"
         }
     }
 }
@@ -58,7 +39,7 @@ impl Quantity {
 pub(super) struct Facts {
     /// `[timestep, row, column]`
     pub shape: [usize; 3],
-    pub quantity: Quantity,
+    pub quantity: Irradiance,
     /// Hash of everything that is stored about time, hexadecimal.
     pub timeline: String,
     pub provenance: Provenance,
@@ -69,7 +50,7 @@ impl Facts {
         axis: &Axis,
         columns: usize,
         rows: usize,
-        quantity: Quantity,
+        quantity: Irradiance,
         provenance: &Provenance,
     ) -> Self {
         Self {
@@ -118,7 +99,7 @@ impl Facts {
             dimension_names: ["timestep", "row", "column"].map(String::from).to_vec(),
             attributes: Map::from_iter([
                 ("units".to_owned(), json!("W m-2")),
-                ("long_name".to_owned(), json!(self.quantity.long_name())),
+                ("long_name".to_owned(), json!(long_name(self.quantity))),
                 ("quantity".to_owned(), json!(self.quantity)),
                 // By this xarray knows that the arrays of the timesteps are coordinates.
                 ("coordinates".to_owned(), json!(coordinates.join(" "))),

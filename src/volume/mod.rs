@@ -24,7 +24,7 @@ mod write;
 
 pub use axis::{TimeAxis, read_segments, segments_from_numbers};
 pub use fault::Error;
-pub use layout::{CHUNK_TIMESTEPS, Quantity};
+pub use layout::CHUNK_TIMESTEPS;
 pub use read::Volume;
 pub use rounded::Rounded;
 pub use survey::Survey;

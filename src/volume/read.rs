@@ -10,7 +10,8 @@ use super::axis::{Axis, TimeAxis, segments_from_numbers};
 use super::layout::{CHUNK_TIMESTEPS, CHUNK_VALUES, Tiling};
 use super::tiles::{Scratch, Tiles};
 use super::write::Summary;
-use super::{Error, Quantity, layout};
+use super::{Error, layout};
+use crate::base::Irradiance;
 use crate::base::TileRect;
 use crate::base::limits::TILE_EDGE;
 
@@ -105,7 +106,7 @@ impl Volume {
     }
 
     /// Which irradiance it holds; `None` where the volume doesn't say.
-    pub fn quantity(&self) -> Option<Quantity> {
+    pub fn quantity(&self) -> Option<Irradiance> {
         match &self.source {
             Source::Zarr(tiles) => tiles.quantity,
             Source::Npy(_) => None,

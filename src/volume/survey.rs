@@ -198,8 +198,9 @@ fn chain(error: &Error) -> String {
 mod tests {
     use glintmap_formats::npy;
 
-    use super::super::{Quantity, import_npy};
+    use super::super::import_npy;
     use super::*;
+    use crate::base::Irradiance;
     use crate::base::Silent;
 
     #[test]
@@ -211,7 +212,7 @@ mod tests {
         npy::write(&path, &shape, &numbers).expect("writes");
         let flat = Volume::open(&path).expect("opens");
         let path = folder.path().join("a.zarr");
-        import_npy(&flat, None, Quantity::Surface, &path, &Silent).expect("imports");
+        import_npy(&flat, None, Irradiance::Surface, &path, &Silent).expect("imports");
         let ours = Volume::open(&path).expect("opens");
         for volume in [&flat, &ours] {
             for bytes in [1, 480, 3 * 480, 16 * 480, 40 * 480, 1 << 20] {

@@ -9,12 +9,13 @@ use glintmap_formats::zarr::ledger::{self, Ledger, Record};
 use glintmap_formats::zarr::metadata::{self, Array, DataType, Pipeline};
 use glintmap_formats::zarr::shard::{self, Entry};
 
+use super::Error;
 use super::axis::Axis;
 use super::layout::{
     ARRAY, CHUNK_BYTES, CHUNK_TIMESTEPS, Facts, GROWING, LEDGER, Tiling, read_array_metadata,
     read_document,
 };
-use super::{Error, Quantity};
+use crate::base::Irradiance;
 use crate::base::limits::TILE_EDGE;
 
 /// A volume in Zarr: where each chunk lies, as far as that was asked for.
@@ -26,7 +27,7 @@ pub(super) struct Tiles {
     /// What was written, by tile; `None` for a volume that another program wrote.
     records: Option<Vec<Record>>,
     /// Which irradiance it is, where that is known.
-    pub quantity: Option<Quantity>,
+    pub quantity: Option<Irradiance>,
     indexes: Vec<Mutex<Index>>,
     /// Entries of a tile's index that are kept in memory at a time.
     window: usize,
@@ -81,7 +82,7 @@ impl Tiles {
         }
         let axis = Axis::read(path, &attributes, tiling.timesteps)?;
         let said = array.attributes.get("quantity").cloned();
-        let quantity: Option<Quantity> = said.and_then(|q| serde_json::from_value(q).ok());
+        let quantity: Option<Irradiance> = said.and_then(|q| serde_json::from_value(q).ok());
         // Zarr's metadata have no checksum; the ledger has, and knows what they must say.
         if let Some(facts) = ledger.as_ref().map(|ledger| &ledger.facts) {
             let timeline = axis.as_ref().map(Axis::fingerprint);

@@ -11,7 +11,8 @@ use super::axis::{Axis, segments_from_numbers};
 use super::layout::{CHUNK_BYTES, CHUNK_TIMESTEPS};
 use super::read::Source;
 use super::write::{GrowingShard, Summary, Writer};
-use super::{Error, Quantity, Volume};
+use super::{Error, Volume};
+use crate::base::Irradiance;
 use crate::base::limits::TILE_EDGE;
 use crate::base::{Progress, Provenance, TileRect, TileSink};
 
@@ -53,7 +54,7 @@ pub fn export_npy(
 pub fn import_npy(
     source: &Volume,
     segments: Option<&[i64]>,
-    quantity: Quantity,
+    quantity: Irradiance,
     out: &Path,
     progress: &dyn Progress,
 ) -> Result<Summary, Error> {

@@ -9,9 +9,10 @@ use glintmap_formats::zarr::{metadata, shard};
 use glintmap_formats::{header, seal, zarr};
 use serde_json::Value;
 
+use super::Error;
 use super::axis::{Axis, TimeAxis};
 use super::layout::{ARRAY, CHUNK_BYTES, CHUNK_TIMESTEPS, Facts, GROWING, LEDGER, Tiling};
-use super::{Error, Quantity};
+use crate::base::Irradiance;
 use crate::base::limits::TILE_EDGE;
 use crate::base::{Provenance, SeriesEntry, SinkError, TileRect, TileSink, Timeline};
 
@@ -89,7 +90,7 @@ impl Writer {
         timeline: &Timeline,
         columns: usize,
         rows: usize,
-        quantity: Quantity,
+        quantity: Irradiance,
         provenance: &Provenance,
     ) -> Result<Self, Error> {
         let axis = Axis::Full(TimeAxis::from(timeline));
@@ -101,7 +102,7 @@ impl Writer {
         axis: Axis,
         columns: usize,
         rows: usize,
-        quantity: Quantity,
+        quantity: Irradiance,
         provenance: &Provenance,
     ) -> Result<Self, Error> {
         Tiling { timesteps: axis.len(), rows, columns }

@@ -1,7 +1,7 @@
 //! The run folder over time: interrupted, changed, cleaned.
 
 use std::fs;
-use std::io::Read;
+use std::io::{BufRead, BufReader, Read};
 use std::path::Path;
 use std::process::{Command, Stdio};
 
@@ -20,26 +20,35 @@ fn made(said: &Said) -> Vec<String> {
 #[test]
 fn interrupted_it_says_so_and_the_same_command_goes_on() {
     let (_keep, whole) = project("tiny");
-    // Enough photons that the trace is still going on when the signal comes.
-    let many = ["--quiet", "--until", "pages", "--set", "photons.stored=400000"];
-    succeed(&[&["run", text(&whole)][..], &many[..]].concat());
+    let until = ["--until", "pages"];
+    succeed(&[&["run", text(&whole)][..], &until[..]].concat());
     let (_keep, folder) = project("tiny");
-    let mut child = glintmap(&[&["run", text(&folder)][..], &many[..]].concat())
+    // While it traces it is held, until the signal has come through.
+    let mut child = glintmap(&[&["run", text(&folder)][..], &until[..]].concat())
+        .env("GLINTMAP_FAULT", "hold 1 tracing")
+        .stdin(Stdio::piped())
+        .stdout(Stdio::null())
         .stderr(Stdio::piped())
         .spawn()
         .expect("the program starts");
     let suns = folder.join("run/suns.csv");
-    while !suns.exists() && child.try_wait().expect("asks").is_none() {
+    while !suns.exists() {
+        assert!(child.try_wait().expect("asks").is_none(), "it ended before the signal");
         std::thread::sleep(std::time::Duration::from_millis(5));
     }
     let sent = Command::new("kill").args(["-INT", &child.id().to_string()]).status();
     assert!(sent.expect("kill starts").success());
+    let mut err = BufReader::new(child.stderr.take().expect("piped"));
+    let mut said = String::new();
+    while !said.contains("stopping") {
+        assert!(err.read_line(&mut said).expect("reads") > 0, "it ended unimpressed: {said}");
+    }
+    drop(child.stdin.take());
     let code = child.wait().expect("waits").code();
-    let mut err = String::new();
-    child.stderr.take().expect("piped").read_to_string(&mut err).expect("reads");
-    assert_eq!(code, Some(130), "{err}");
-    assert!(err.contains("run the same command again"), "{err}");
-    succeed(&[&["run", text(&folder)][..], &many[..]].concat());
+    err.read_to_string(&mut said).expect("reads");
+    assert_eq!(code, Some(130), "{said}");
+    assert!(said.contains("run the same command again"), "{said}");
+    succeed(&[&["run", text(&folder)][..], &until[..]].concat());
     assert_eq!(hashes(&whole), hashes(&folder));
 }
 
@@ -51,7 +60,7 @@ fn another_reference_leaves_no_picture_of_the_old_one() {
     assert!(folder.join("run/standard/plan/ratio.exr").exists());
     let other = "reference.material=\"standard\"";
     let said = succeed(&["run", path, "--quiet", "--json", "--set", other]);
-    assert_eq!(made(&said), ["pictures", "report"]);
+    assert_eq!(made(&said), ["pictures", "verdicts", "report"]);
     assert!(!folder.join("run/standard/plan/ratio.exr").exists());
     assert!(!folder.join("run/standard/plan/ratio.png").exists());
     assert!(folder.join("run/tile/plan/ratio.exr").exists());
@@ -80,7 +89,7 @@ fn a_changed_scene_is_traced_anew_and_changed_rules_only_reported() {
     let all = made(&succeed(&["run", path, "--quiet", "--json"]));
     let rules = "glare.rules=[\"paper-2018\", \"de-lai-2015\"]";
     let said = succeed(&["run", path, "--quiet", "--json", "--set", rules]);
-    assert_eq!(made(&said), ["report"]);
+    assert_eq!(made(&said), ["verdicts", "report"]);
     let scene = folder.join("scene.rad");
     let text = fs::read_to_string(&scene).expect("reads");
     fs::write(&scene, text + "\n# moved\n").expect("writes");

@@ -17,7 +17,7 @@ use glintmap::site::{
     tilt_deg,
 };
 
-use crate::support;
+use crate::support::{self, cpu_time};
 
 fn pv(select: Select) -> Vec<PvSpec> {
     vec![PvSpec { name: "roof".into(), select, two_sided: false }]

@@ -18,7 +18,7 @@ use glintmap::site::{
     load_from, tilt_deg,
 };
 
-use crate::support;
+use crate::support::{self, cpu_time};
 
 struct Files {
     folder: tempfile::TempDir,

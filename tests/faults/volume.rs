@@ -3,6 +3,7 @@
 use std::fs;
 use std::path::{Path, PathBuf};
 
+use glintmap::base::Irradiance;
 use glintmap::base::{FaultKind, Provenance, SeriesEntry, Silent, TileRect, TileSink};
 use glintmap::volume::{self, Error, Volume};
 use glintmap_formats::npy;
@@ -336,7 +337,7 @@ fn broken_metadata_and_coordinates_are_errors_and_never_a_panic() {
                     // Text without a checksum may be changed where it decides nothing.
                     assert!(is_text, "a flipped byte of {name} went unnoticed");
                     assert_eq!(volume.axis(), axis.as_ref(), "byte {at} of {name}");
-                    assert_eq!(volume.quantity(), Some(volume::Quantity::Surface));
+                    assert_eq!(volume.quantity(), Some(Irradiance::Surface));
                     if let Ok(numbers) = read_all(&path) {
                         assert_eq!(numbers, dense.numbers, "byte {at} of {name}");
                     }

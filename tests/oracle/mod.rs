@@ -9,6 +9,7 @@ mod maps;
 mod mirror;
 mod photons;
 mod picture;
+mod scattering;
 mod scenes;
 mod sky;
 mod views;

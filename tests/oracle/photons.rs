@@ -12,7 +12,7 @@ use glintmap::trace::Emission;
 use crate::physics::trace::{Scene, bsdf, horizontal, settings, sun, timeline, trace, wall};
 use crate::support;
 
-fn radiance() -> Option<PathBuf> {
+pub(super) fn radiance() -> Option<PathBuf> {
     let python = support::python()?;
     let script = "import os, pyradiance; print(os.path.dirname(pyradiance.__file__))";
     let out = Command::new(python).args(["-c", script]).output().expect("python starts");
@@ -24,7 +24,7 @@ fn radiance() -> Option<PathBuf> {
     Some(folder)
 }
 
-fn run(radiance: &Path, folder: &Path, command: &[&str]) -> Vec<u8> {
+pub(super) fn run(radiance: &Path, folder: &Path, command: &[&str]) -> Vec<u8> {
     let out = Command::new(radiance.join("bin").join(command[0]))
         .args(&command[1..])
         .current_dir(folder)
@@ -100,7 +100,9 @@ fn photons_land_where_mkpmap_sends_them() {
     fs::write(keep.path().join("scene.rad"), scene).unwrap();
     let octree = run(&radiance, keep.path(), &["oconv", "scene.rad"]);
     fs::write(keep.path().join("scene.oct"), octree).unwrap();
-    let command = "mkpmap -n 1 -fo+ -apC map.pm 60000 -apo- pv -lr 1 -ld 100 -t 0 scene.oct";
+    // With its default of 1,000 mkpmap takes each sun's flux from one sample of the disc.
+    let command =
+        "mkpmap -n 1 -fo+ -apC map.pm 60000 -apo- pv -lr 1 -ld 100 -t 0 -dp 1e6 scene.oct";
     run(&radiance, keep.path(), &command.split(' ').collect::<Vec<_>>());
     let listed = run(&radiance, keep.path(), &["pmapdump", "-a", "-n", "1000k", "-f", "map.pm"]);
     let mut theirs = Cells::new();

@@ -3,6 +3,7 @@
 use std::path::Path;
 use std::time::Instant;
 
+use glintmap::base::Irradiance;
 use glintmap::base::{Silent, TileRect, TileSink, Timeline};
 use glintmap::volume::{self, Volume, Writer};
 use glintmap_formats::npy;
@@ -97,11 +98,11 @@ fn the_time_axis_comes_back() {
     let timeline = timeline(130);
     assert_eq!(volume.axis(), Some(&volume::TimeAxis::from(&timeline)));
     assert_eq!(volume.segments(), timeline.segments());
-    assert_eq!(volume.quantity(), Some(volume::Quantity::Surface));
+    assert_eq!(volume.quantity(), Some(Irradiance::Surface));
     // A step that a careless reader of JSON takes for its neighbour.
     let timeline = Timeline { step_h: 1.0 / 11.0, ..timeline };
     let path = folder.path().join("eleventh.zarr");
-    let quantity = volume::Quantity::Normal;
+    let quantity = Irradiance::FacingBeam;
     let writer = Writer::create_or_resume(&path, &timeline, 1, 1, quantity, &provenance());
     let writer = writer.expect("begins");
     writer.put(TileRect { column: 0, row: 0, columns: 1, rows: 1 }, &[]).expect("writes");
@@ -129,7 +130,7 @@ fn an_npy_file_is_a_volume_and_becomes_a_zarr_and_back() {
         let numbers: Vec<i64> =
             (0..timesteps as i64).map(|t| [5, -2, 5][t as usize / 7 % 3]).collect();
         let zarr = folder.path().join(format!("{i}.zarr"));
-        let quantity = volume::Quantity::Normal;
+        let quantity = Irradiance::FacingBeam;
         let summary =
             volume::import_npy(&volume, Some(&numbers), quantity, &zarr, &Silent).expect("imports");
         assert_eq!(summary.nonzero, dense.nonzero());

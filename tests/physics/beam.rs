@@ -4,13 +4,15 @@
 use std::collections::BTreeMap;
 use std::sync::Mutex;
 
+use crate::support::photons;
 use glam::{DVec3, Vec3};
+use glintmap::base::Irradiance;
 use glintmap::base::{Grid, SeriesEntry, Silent, SinkError, TileRect, TileSink, Timeline};
 use glintmap::bsdf::{Bsdf, Model};
 use glintmap::pages::{self, About, Access, OpenOptions, Spill, Store};
-use glintmap::render::{self, Gather, Hit, HitKind, HitMap, Quantity};
+use glintmap::render::{self, Gather, Hit, HitKind, HitMap};
 use glintmap::site::{Face, Material, Object, PvSurface, Site, Triangle};
-use glintmap::trace::{self, Emission, Receivers, Settings};
+use glintmap::trace::{Emission, Receivers, Settings};
 
 use super::trace::{sun, timeline};
 
@@ -121,11 +123,11 @@ fn store(site: &Site, timeline: &Timeline, model: Model, folder: &std::path::Pat
         receivers: Receivers::All,
     };
     let emission = Emission { site, timeline, bsdfs: vec![&bsdf], settings };
-    let plan = trace::plan(&emission, &Silent).expect("pilot");
+    let plan = photons::plan(&emission, &Silent).expect("pilot");
     let (spilled, path) = (folder.join("spill"), folder.join("photons.gmp"));
     let mut spill =
         Spill::create(&spilled, site.bounds, settings.stored, 64 << 20).expect("begins");
-    let tally = trace::run(&emission, &plan, &mut spill, &Silent).expect("runs");
+    let tally = photons::run(&emission, &plan, &mut spill, &Silent).expect("runs");
     spill.finish().expect("finishes");
     let about = About {
         provenance: crate::support::series::provenance(),
@@ -169,7 +171,7 @@ fn a_spot_inside_the_mirrored_beam_gets_dni_times_fresnel_times_cosine() {
                 step.irradiance_w_m2 * over_disc(step.sun, |s| reflectance(s.z) * -s.x)
             })
             .collect();
-        for (quantity, factor) in [(Quantity::Surface, false), (Quantity::Normal, true)] {
+        for (quantity, factor) in [(Irradiance::Surface, false), (Irradiance::FacingBeam, true)] {
             let sink = Series { width: spots.len(), values: Mutex::default() };
             render::series(&store, None, &hits, &gather, quantity, &sink, &Silent)
                 .expect("renders");

@@ -3,8 +3,8 @@
 use glam::DVec3;
 use glintmap::base::{Purpose, Stream};
 use glintmap::bsdf::{
-    ANGLES_DEG, Bsdf, BsdfFile, Fineness, Goniophotometer, Model, PRESETS, Preset, Side, write,
-    write_points,
+    ANGLES_DEG, Bsdf, BsdfFile, Fineness, Goniophotometer, Interpolation, Model, PRESETS, Preset,
+    Side, write, write_points,
 };
 
 use super::bsdf::from_degrees;
@@ -153,7 +153,7 @@ fn measured_points_are_met_and_joined() {
         .collect();
     for (incident, rank, resolution) in [(flat, 3, 5), (round, 4, 3)] {
         let data = points(&bsdf, &incident);
-        let surface = data.surface();
+        let surface = Interpolation::of(&data);
         for (theta, most) in [(40.0, 0.1), (50.0, 0.2), (68.0, 0.35)] {
             let (mut off, mut all) = (0.0, 0.0);
             for n in 0..200 {
@@ -190,7 +190,7 @@ fn points_on_half_of_the_hemisphere_are_said_to_miss_the_rest() {
     for i in &mut data.incidents {
         i.points.retain(|p| p.0.z > 0.8);
     }
-    let reach = data.surface().reach();
+    let reach = Interpolation::of(&data).reach();
     // An even surface sends 36 % beyond 37 degrees.
     assert!(reach.unseen.iter().all(|u| u.1 > 0.4), "{reach:?}");
     assert!((reach.beyond - 0.25).abs() < 1e-9);

@@ -5,12 +5,13 @@
 use std::collections::BTreeMap;
 use std::sync::OnceLock;
 
+use crate::support::photons;
 use glam::{DVec3, Vec3};
 use glintmap::base::{Photon, PhotonSink, Silent, SinkError, Timeline, Timestep};
 use glintmap::project::Resolved;
 use glintmap::site::Site;
 use glintmap::sky::{self, DayRange, altitude_azimuth_deg, date_of_day};
-use glintmap::trace::{self, Emission, Settings};
+use glintmap::trace::{Emission, Settings};
 
 use crate::support::program::root;
 
@@ -64,9 +65,9 @@ fn case() -> &'static Case {
         for candidate in resolved.candidates.iter().filter(|c| c.name != "smooth") {
             let bsdfs = site.pv.iter().map(|s| &candidate.bsdfs[s.entry]).collect();
             let emission = Emission { site: &site, timeline: &timeline, bsdfs, settings };
-            let plan = trace::plan(&emission, &Silent).expect("pilot");
+            let plan = photons::plan(&emission, &Silent).expect("pilot");
             let mut kept = Kept::default();
-            trace::run(&emission, &plan, &mut kept, &Silent).expect("runs");
+            photons::run(&emission, &plan, &mut kept, &Silent).expect("runs");
             photons.insert(candidate.name.clone(), kept.0);
         }
         Case { site, timeline, settings, photons }

@@ -3,13 +3,14 @@
 
 use std::collections::HashMap;
 
+use crate::support::photons;
 use glam::DVec3;
 use glintmap::base::{Photon, PhotonSink, Silent, SinkError};
 use glintmap::project::Resolved;
 use glintmap::render::{Direct, DirectScene, DirectScratch, DirectYear, Hit, PvSight, View, hits};
 use glintmap::site::Site;
 use glintmap::sky::{self, DayRange};
-use glintmap::trace::{self, Emission, Settings};
+use glintmap::trace::{Emission, Settings};
 
 use crate::support::program::root;
 
@@ -104,9 +105,9 @@ fn photons_and_direct_integration_agree_within_their_noise() {
         let bsdfs: Vec<_> = site.pv.iter().map(|s| &candidate.bsdfs[s.entry]).collect();
         let emission =
             Emission { site: &site, timeline: &timeline, bsdfs: bsdfs.clone(), settings };
-        let plan = trace::plan(&emission, &Silent).expect("pilot");
+        let plan = photons::plan(&emission, &Silent).expect("pilot");
         let mut photons = Kept::default();
-        trace::run(&emission, &plan, &mut photons, &Silent).expect("runs");
+        photons::run(&emission, &plan, &mut photons, &Silent).expect("runs");
         let index = Index::of(&photons.0);
         let scene = DirectScene {
             site: &site,

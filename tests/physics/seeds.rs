@@ -3,6 +3,7 @@
 
 use std::path::Path;
 
+use crate::support::photons;
 use glam::DVec3;
 use glintmap::base::{Photon, PhotonSink, Silent, SinkError, Timeline};
 use glintmap::bsdf::Bsdf;
@@ -13,7 +14,7 @@ use glintmap::render::{
 };
 use glintmap::site::Site;
 use glintmap::sky;
-use glintmap::trace::{self, Emission, Plan, Settings};
+use glintmap::trace::{Emission, Plan, Settings};
 
 use super::render::gather::store_within;
 use crate::support::program::root;
@@ -74,7 +75,7 @@ impl Case {
         how: &Gather,
     ) -> Annual {
         let mut photons = Kept::default();
-        trace::run(&self.emission(stored, seed), plan, &mut photons, &Silent).expect("runs");
+        photons::run(&self.emission(stored, seed), plan, &mut photons, &Silent).expect("runs");
         let folder = folder.join(format!("{stored}-{seed}"));
         std::fs::create_dir(&folder).expect("makes a folder");
         let steps = self.timeline.steps.len() as u32;
@@ -84,7 +85,7 @@ impl Case {
 
     fn maps(&self, stored: u64, seeds: u64, how: &Gather) -> Vec<Annual> {
         let keep = tempfile::tempdir().expect("a folder");
-        let plan = trace::plan(&self.emission(stored, 1), &Silent).expect("pilot");
+        let plan = photons::plan(&self.emission(stored, 1), &Silent).expect("pilot");
         let surfaces = Surfaces::of(&self.site);
         let map = |seed| self.map(keep.path(), &surfaces, (stored, &plan), seed, how);
         (1..=seeds).map(map).collect()

@@ -6,11 +6,12 @@ mod speed;
 pub use scene::{Scene, bsdf, horizontal, settings, sun, timeline, trace, wall};
 pub use speed::{processor_s, village};
 
+use crate::support::photons::{plan, run};
 use glam::{DVec3, Vec3};
 use glintmap::base::{Silent, Timeline};
 use glintmap::bsdf::{Bsdf, Model};
 use glintmap::site::Site;
-use glintmap::trace::{Emission, Error, Plan, Receivers, Settings, plan, run};
+use glintmap::trace::{Emission, Error, Plan, Receivers, Settings};
 use scene::Kept;
 
 /// Configuration factor from a point to a parallel rectangle with a corner above it, `a` and `b`

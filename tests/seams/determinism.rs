@@ -2,11 +2,10 @@
 //! memory, the shards, and however often the run was killed.
 
 use std::collections::BTreeMap;
-use std::fs;
 use std::path::Path;
-use std::time::Duration;
 
-use crate::support::program::{glintmap, hashes, project, root, succeed};
+use crate::support::golden;
+use crate::support::program::{hashes, killed_at, project, succeed};
 
 fn run(project: &Path, more: &[&str]) -> BTreeMap<String, String> {
     let path = project.to_str().expect("a plain path");
@@ -43,41 +42,78 @@ fn another_seed_changes_the_photons() {
     assert_ne!(stores(&first), stores(&second));
 }
 
-/// The hashes of all outputs of a tiny project, committed: what changes a byte anywhere shows up
-/// here. `GLINTMAP_BLESS=1` writes them anew, after the change was understood.
+/// The outputs of a tiny project, committed: what changes a byte anywhere shows up here, and is
+/// told by map, channel and amount. `GLINTMAP_BLESS=1` writes them anew, after the change was
+/// understood.
 #[test]
 fn the_tiny_project_has_the_committed_bytes() {
     let (_keep, tiny) = project("tiny");
     let found = run(&tiny, &[]);
-    let file = root().join("fixtures/tiny-hashes.json");
     if std::env::var_os("GLINTMAP_BLESS").is_some() {
-        let text = serde_json::to_string_pretty(&found).expect("writes") + "\n";
-        fs::write(&file, text).expect("writes the fixture");
+        golden::write(&tiny.join("run"), &found);
     }
-    let text = fs::read(&file).expect("fixtures/tiny-hashes.json");
-    let committed: BTreeMap<String, String> = serde_json::from_slice(&text).expect("reads");
-    assert_same(&committed, &found, "fixtures/tiny-hashes.json (see the comment of this test)");
+    let differ = golden::differences(&tiny.join("run"), &found);
+    assert!(
+        differ.is_empty(),
+        "the committed run (see the comment of this test) differs:\n{differ}"
+    );
 }
 
+/// Files and pieces of work of all stages, in the order of a run.
+const STEPS: [&str; 22] = [
+    "suns.csv",
+    "manifest.json",
+    "standard/spill",
+    "tile/spill",
+    "tile/tally.json",
+    "standard/photons.gmp",
+    "tile/photons.gmp",
+    "plan/hits.gmh",
+    "plan/direct.exr",
+    "receivers/points.json",
+    "annual map",
+    "standard/plan/annual.npy",
+    "time series",
+    "standard/plan/series.zarr",
+    "standard/plan/peak.exr",
+    "tile/receivers/series.zarr",
+    "standard/plan/glare-10/cumulative.npy",
+    "tile/plan/glare-30/events.csv",
+    "tile/receivers/receivers.json",
+    "standard/plan/annual.png",
+    "verdicts.json",
+    "report.html",
+];
+
 #[test]
-fn killed_at_any_moment_it_resumes_to_the_same_bytes() {
+fn killed_in_every_stage_it_resumes_to_the_same_bytes() {
     let (_keep, whole) = project("tiny");
     let expected = run(&whole, &[]);
     let (_keep, killed) = project("tiny");
-    let path = killed.to_str().expect("a plain path");
-    let mut kills = 0;
-    for ms in (10..600).step_by(35) {
-        let mut child = glintmap(&["run", path, "--quiet"]).spawn().expect("the program starts");
-        std::thread::sleep(Duration::from_millis(ms));
-        if child.try_wait().expect("asks").is_none() {
-            kills += 1;
+    let arguments = ["run", killed.to_str().expect("a plain path"), "--quiet"];
+    for name in STEPS {
+        for number in 1..=2 {
+            let step = format!("{number} {name}");
+            assert!(killed_at(&arguments, &step), "it ended before step {step}");
         }
-        // SIGKILL: no chance to clean up.
-        child.kill().expect("kills");
-        child.wait().expect("waits");
     }
-    assert!(kills > 3, "the runs ended before they were killed");
     assert_same(&expected, &run(&killed, &[]), "killed and resumed");
+}
+
+/// At any step: each run comes a quarter farther than the one before.
+#[test]
+fn killed_again_and_again_it_ends_with_the_same_bytes() {
+    let (_keep, whole) = project("tiny");
+    let expected = run(&whole, &[]);
+    let (_keep, killed) = project("tiny");
+    let arguments = ["run", killed.to_str().expect("a plain path"), "--quiet"];
+    let (mut step, mut kills) = (1, 0);
+    while killed_at(&arguments, &step.to_string()) {
+        kills += 1;
+        step += 1 + step / 4;
+    }
+    assert!(kills >= 15, "killed {kills} times only");
+    assert_same(&expected, &run(&killed, &[]), "killed again and again");
 }
 
 #[test]

@@ -3,9 +3,8 @@
 
 use std::collections::BTreeMap;
 use std::path::Path;
-use std::time::{Duration, Instant};
 
-use crate::support::program::{Said, glintmap, hashes, project, say, succeed};
+use crate::support::program::{Said, hashes, killed_at, project, say, succeed};
 
 /// Enough for 17 units of the material `tile` and 2 of the other, so that one share has none.
 const MANY: &str = "photons.stored=300000";
@@ -21,7 +20,7 @@ fn well(said: &Said) -> &Said {
     said
 }
 
-/// What pages leaves behind, without the account of what was made when.
+/// What all stages so far left behind, the manifest included.
 fn stores(project: &Path) -> BTreeMap<String, String> {
     let found = hashes(project);
     assert!(found.keys().any(|name| name.ends_with(".gmp")), "{found:?}");
@@ -89,31 +88,26 @@ fn a_run_killed_while_tracing_goes_on_from_its_checkpoint() {
     let (_keep, killed) = project("tiny");
     let path = killed.to_str().expect("a plain path");
     let arguments = ["run", path, "--set", MANY, "--until", "pages", "--quiet", "--threads", "1"];
-    let mut child = glintmap(&arguments).spawn().expect("the program starts");
+    // Begun, complete, under its name: the first checkpoint is sealed.
+    assert!(killed_at(&arguments, "3 tile/spill/checkpoint.json"), "it ended before it was killed");
     let checkpoint = killed.join("run/tile/spill/checkpoint.json");
-    let began = Instant::now();
-    while !checkpoint.exists() {
-        assert!(began.elapsed() < Duration::from_secs(120), "no checkpoint");
-        std::thread::sleep(Duration::from_millis(1));
-    }
-    child.kill().expect("kills");
-    child.wait().expect("waits");
+    assert!(checkpoint.exists(), "no checkpoint");
     // Killed inside of a checkpoint: its beginning lies beside the one that holds.
     std::fs::write(checkpoint.with_extension("json.tmp"), b"{\"note\"").expect("writes");
     let resumed = run(&killed, &["--until", "trace"]);
     assert!(well(&resumed).err.contains("tile: goes on after 1 of"), "{}", resumed.err);
-    // Killed again while the photons are sorted and the store grows.
-    let mut child = glintmap(&arguments).spawn().expect("the program starts");
-    let growing = killed.join("run/tile/photons.gmp.tmp");
-    let sealed = killed.join("run/tile/photons.gmp");
-    while !growing.exists() && !sealed.exists() {
-        assert!(child.try_wait().expect("asks").is_none(), "it ended without a store");
-        std::thread::sleep(Duration::from_micros(200));
+    // Killed again while a store grows, when one is complete, and when it has its name.
+    for (step, material, is_sealed) in [
+        ("2 pages", "standard", false),
+        ("1 tile/photons.gmp", "tile", false),
+        ("2 tile/photons.gmp", "tile", true),
+    ] {
+        assert!(killed_at(&arguments, step), "it ended before {step}");
+        let there = ["photons.gmp.tmp", "photons.gmp"]
+            .map(|name| killed.join("run").join(material).join(name).exists());
+        assert_eq!(there, [!is_sealed, is_sealed], "{step}");
     }
-    child.kill().expect("kills");
-    child.wait().expect("waits");
-    println!("killed with the store {}", if sealed.exists() { "sealed" } else { "growing" });
     well(&run(&killed, &["--until", "pages"]));
-    assert!(!growing.exists(), "a part of a store is left");
+    assert!(!killed.join("run/tile/photons.gmp.tmp").exists(), "a part of a store is left");
     assert_eq!(stores(&whole), stores(&killed));
 }

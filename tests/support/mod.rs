@@ -1,10 +1,15 @@
 #![allow(dead_code)]
 //! What tests share: where real data and Python lie, and how a test says that it was skipped.
 
+#[path = "../../tools/src/compare/mod.rs"]
+pub mod compare;
+pub mod golden;
+pub mod photons;
 pub mod program;
 pub mod series;
 
 use std::path::PathBuf;
+use std::time::Duration;
 
 /// The folder of real inputs (`GLINTMAP_DATA`, else `../shared/data` beside the project).
 pub fn data_dir() -> PathBuf {
@@ -32,6 +37,12 @@ pub fn python() -> Option<PathBuf> {
         skip("GLINTMAP_PYTHON is not set; `tools/test` sets it");
     }
     found
+}
+
+/// CPU time of the calling thread: how long something takes whatever else the machine does.
+pub fn cpu_time() -> Duration {
+    let now = rustix::time::clock_gettime(rustix::time::ClockId::ThreadCPUTime);
+    Duration::try_from(now).expect("not negative")
 }
 
 /// Counts the calling test as skipped: a line in the file that `GLINTMAP_SKIPS` names.

@@ -2,6 +2,7 @@
 
 use std::collections::BTreeMap;
 use std::fs;
+use std::os::unix::process::ExitStatusExt;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 
@@ -44,6 +45,22 @@ pub fn succeed<S: AsRef<std::ffi::OsStr>>(arguments: &[S]) -> Said {
     let said = say(arguments);
     assert_eq!(said.code, 0, "stderr: {}", said.err);
     said
+}
+
+/// Runs the program and ends it, as SIGKILL would, at a counted step of its work: `"7"`, or
+/// `"2 photons.gmp"` (see `glintmap_formats::fault`). Whether it came so far; else it succeeded.
+pub fn killed_at<S: AsRef<std::ffi::OsStr>>(arguments: &[S], step: &str) -> bool {
+    let fault = format!("abort {step}");
+    let output = glintmap(arguments).env("GLINTMAP_FAULT", fault).output();
+    let output = output.expect("the program starts");
+    let killed = output.status.signal().is_some();
+    assert!(
+        killed || output.status.success(),
+        "killed at {step}: {}, stderr: {}",
+        output.status,
+        String::from_utf8_lossy(&output.stderr)
+    );
+    killed
 }
 
 /// A copy of a project under fixtures/projects in a temporary folder.

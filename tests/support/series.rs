@@ -5,11 +5,12 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 
 use glam::DVec3;
+use glintmap::base::Irradiance;
 use glintmap::base::{
     Provenance, Purpose, SeriesEntry, SpectralBasis, Stream, TileRect, TileSink, Timeline,
     Timestep, limits::TILE_EDGE, tiles,
 };
-use glintmap::volume::{Quantity, Writer};
+use glintmap::volume::Writer;
 
 /// All numbers of a volume in memory, `[timestep, row, column]`.
 #[derive(Clone, Debug, PartialEq)]
@@ -87,7 +88,7 @@ impl Dense {
     ) -> Result<Writer, glintmap::volume::Error> {
         let timeline = timeline(self.timesteps);
         let (columns, rows) = (self.columns, self.rows);
-        Writer::create_or_resume(path, &timeline, columns, rows, Quantity::Surface, provenance)
+        Writer::create_or_resume(path, &timeline, columns, rows, Irradiance::Surface, provenance)
     }
 
     /// The whole volume, in one go.
@@ -98,9 +99,15 @@ impl Dense {
     /// The same at other times.
     pub fn write_at(&self, path: &Path, timeline: &Timeline) -> glintmap::volume::Summary {
         let (columns, rows, provenance) = (self.columns, self.rows, provenance());
-        let writer =
-            Writer::create_or_resume(path, timeline, columns, rows, Quantity::Surface, &provenance)
-                .expect("begins");
+        let writer = Writer::create_or_resume(
+            path,
+            timeline,
+            columns,
+            rows,
+            Irradiance::Surface,
+            &provenance,
+        )
+        .expect("begins");
         for tile in self.tiles() {
             writer.put(tile, &self.entries(tile)).expect("writes");
         }

@@ -63,15 +63,13 @@ def ours(glintmap, folder):
         [glintmap, "--threads", "1", "run", folder, "--until", "render", "--force", "render", "--quiet"],
         check=True, stdout=subprocess.DEVNULL,
     )
-    for line in reversed((folder / "run/log/run.jsonl").read_text().splitlines()):
-        entry = json.loads(line)
-        if entry.get("unit", "") == "render bench square":
-            facts = entry["facts"]
-            lit = facts["gathered"]["lit_pixels"]
-            cache = facts["cache"]
-            share = cache["hits"] / max(1, cache["hits"] + cache["misses"])
-            return lit, facts["annual"]["cpu_s"], facts["series_took"]["cpu_s"], share
-    sys.exit("no render in the log")
+    lines = (folder / "run/log/run.jsonl").read_text().splitlines()
+    facts = {e["unit"]: e["facts"] for e in map(json.loads, lines) if "unit" in e}
+    annual, series = facts["annual bench square"], facts["render bench square"]
+    caches = [annual["cache"], series["cache"]]
+    hits, misses = (sum(c[key] for c in caches) for key in ("hits", "misses"))
+    took = (annual["annual"]["cpu_s"], series["series_took"]["cpu_s"])
+    return series["gathered"]["lit_pixels"], *took, hits / max(1, hits + misses)
 
 
 def rays(work, env, options, size):

@@ -106,10 +106,10 @@ def table(options, work):
         project(folder, photons, view("v", PLAN, (edge, edge)), False)
         run(options, folder, "pages")
         _, memory = run(options, folder, "render", force=True)
-        found = facts(folder, "render m v")
+        annual, found = facts(folder, "annual m v"), facts(folder, "render m v")
         lit = found["gathered"]["lit_pixels"]
-        rows = [(400, found["annual"], share(found["annual_cache"])),
-                (4000, found["series_took"], share(found["cache"], found["annual_cache"]))]
+        rows = [(400, annual["annual"], share(annual["cache"])),
+                (4000, found["series_took"], share(found["cache"]))]
         for k, took, cache in rows:
             print(f"{photons:12,} {k:6,} {took['wall_s']:8.2f} {took['cpu_s']:8.2f} {lit:8,} "
                   f"{lit / took['wall_s']:11,.0f} {cache:7.4f} {memory:5.0f} MB", flush=True)
@@ -121,10 +121,10 @@ def plan(options, work):
     project(folder, photons, view("plan", PLAN, (edge, edge)), False)
     run(options, folder, "pages")
     wall, memory = run(options, folder, "render", force=True)
-    found = facts(folder, "render m plan")
+    annual, found = facts(folder, "annual m plan"), facts(folder, "render m plan")
     series = bytes_of(folder / "run/m/plan/series.zarr") / 1e6
     print(f"plan {edge} x {edge}, {photons:,} photons, 1,280 suns, hits and background included: "
-          f"{wall:.1f} s (annual map {found['annual']['wall_s']:.1f} s, series "
+          f"{wall:.1f} s (annual map {annual['annual']['wall_s']:.1f} s, series "
           f"{found['series_took']['wall_s']:.1f} s, {series:.0f} MB), {memory:.0f} MB of memory")
 
 

@@ -6,10 +6,11 @@ use std::path::Path;
 
 use anyhow::Context as _;
 
+use crate::base::Irradiance;
 use crate::base::{Grid, Progress, Provenance, SpectralBasis};
 use crate::picture::{Figure, Scale, exr};
 use crate::sky;
-use crate::volume::{Quantity, Volume};
+use crate::volume::Volume;
 
 /// Decades of the logarithmic scale.
 const DECADES: f64 = 3.0;
@@ -34,7 +35,7 @@ pub(super) fn write(
     let [_, rows, columns] = volume.shape();
     let mut slice = Grid::filled(columns, rows, 0.0_f32);
     let channel = match volume.quantity() {
-        Some(Quantity::Normal) => "irradiance_normal.w_m2",
+        Some(Irradiance::FacingBeam) => "irradiance_normal.w_m2",
         _ => "irradiance.w_m2",
     };
     progress.begin("pictures", range.len() as u64, "timesteps");
@@ -53,7 +54,7 @@ pub(super) fn write(
         figure.title = format!("Timestep {timestep}");
         figure.subtitle = when;
         figure.legend = match volume.quantity() {
-            Some(Quantity::Normal) => "irradiance normal to the beam".into(),
+            Some(Irradiance::FacingBeam) => "irradiance normal to the beam".into(),
             _ => "irradiance".into(),
         };
         figure.bare = "no colour: 0".into();

@@ -1,9 +1,17 @@
+//! How long each pixel is in each event, while events may still turn out to be one.
+//!
+//! The measure of the paper is the most timesteps that a pixel spends in one event. A table of pixels
+//! times events would hold it; but nearly every pixel is in one event at a time, so that a pixel notes
+//! its newest event and a count, and only what doesn't fit into that costs a list.
+
 use std::io;
 
 use super::event::Growing;
 use super::label::Labels;
 use super::paged::Paged;
+use super::slab::Stay;
 
+/// No event, no visit.
 const NONE: u32 = u32::MAX;
 /// Stands for the newest event of a pixel some of whose visits were paged out: none. All its
 /// events are visits then, so that an event finds them when it ends.
@@ -116,22 +124,22 @@ impl Durations {
         }
     }
 
-    /// A pixel is in the event of `root` for `count` timesteps of batch `batch`.
+    /// A pixel stays in the event of `root` for some timesteps of batch `batch`.
     #[inline]
     pub fn stay(
         &mut self,
-        (number, count): (u32, u32),
+        stay: &Stay,
         batch: u32,
         root: u32,
         labels: &mut Labels,
         alive: &mut [Alive],
     ) {
-        let pixel = &mut self.pixels[number as usize];
+        let pixel = &mut self.pixels[stay.pixel as usize];
         let known = pixel.label == root && pixel.visits == NONE;
         if known && pixel.noted >= labels.born(root) {
-            pixel.count += count;
+            pixel.count += stay.count;
         } else {
-            pixel.count = count + self.visits.enter(pixel, (number, count), root, labels, alive);
+            pixel.count = stay.count + self.visits.enter(pixel, stay, root, labels, alive);
         }
         pixel.noted = batch;
         pixel.sustained = pixel.sustained.max(pixel.count);
@@ -230,14 +238,14 @@ struct Visits {
 }
 
 impl Visits {
-    /// The event of `root` is at a pixel, for `more` timesteps, where it wasn't just before; how
-    /// many it had there so far. What the pixel knew as its newest event becomes a visit if it is
+    /// The event of `root` is at a pixel, for a stay, where it wasn't just before; how many
+    /// timesteps it had there so far. What the pixel knew as its newest event becomes a visit if it is
     /// another one; visits of this event end.
     #[inline(never)]
     fn enter(
         &mut self,
         pixel: &mut Pixel,
-        (number, more): (u32, u32),
+        stay: &Stay,
         root: u32,
         labels: &mut Labels,
         alive: &mut [Alive],
@@ -252,14 +260,14 @@ impl Visits {
                 found += 1;
             }
             Some(other) => {
-                self.add(pixel, number, other, pixel.count, &mut alive[other as usize]);
+                self.add(pixel, stay.pixel, other, pixel.count, &mut alive[other as usize]);
             }
             None => {}
         }
         let pixels = &mut alive[root as usize].growing.pixels;
         *pixels = *pixels + 1 - found;
         if pixel.label == PAGED {
-            self.add(pixel, number, root, count + more, &mut alive[root as usize]);
+            self.add(pixel, stay.pixel, root, count + stay.count, &mut alive[root as usize]);
         } else {
             pixel.label = root;
         }

@@ -1,4 +1,4 @@
-use super::threshold::Run;
+use super::threshold::RowRun;
 
 /// One glare event: voxels above the threshold that are connected in time and space, inside one
 /// segment.
@@ -61,7 +61,7 @@ impl Growing {
     }
 
     /// Adds a run of the slice at `timestep`, whose first voxel has the index `slice`.
-    pub fn add(&mut self, run: &Run, timestep: u32, slice: u64, columns: u64) {
+    pub fn add(&mut self, run: &RowRun, timestep: u32, slice: u64, columns: u64) {
         let (start, end) = (u64::from(run.start), u64::from(run.end));
         let row = slice + u64::from(run.row) * columns;
         self.last = timestep;

@@ -1,4 +1,10 @@
-use super::threshold::{Columns, Span};
+//! Numbers of events, and the row runs of a timestep with the number of each.
+//!
+//! A classic union-find, with two additions, because events come and go for years: the numbers of an
+//! event hang in a ring, so that all of them are taken back when it is over; and a number remembers
+//! when it was handed out, so that a note that somebody made of it earlier is known to be stale.
+
+use super::threshold::Span;
 
 /// Numbers of events, handed out anew once their event is over. Numbers of events that turned out
 /// to be the same form a tree (union-find); all of them stay taken until the event is over, or
@@ -144,28 +150,5 @@ impl Labelled {
     pub fn row(&self, row: Option<usize>) -> std::ops::Range<usize> {
         let bounds = row.and_then(|row| Some((*self.rows.get(row)?, *self.rows.get(row + 1)?)));
         bounds.map_or(0..0, |(start, end)| start..end)
-    }
-}
-
-/// Calls `each` with the indices of runs of two rows that lie at most `gap` columns apart
-/// diagonally (0: they share a column).
-pub(in crate::glare) fn touching<T: Columns>(
-    a: &[T],
-    b: &[T],
-    gap: u32,
-    mut each: impl FnMut(usize, usize),
-) {
-    let (mut i, mut j) = (0, 0);
-    while let (Some(x), Some(y)) = (a.get(i), b.get(j)) {
-        let ((x_start, x_end), (y_start, y_end)) = (x.columns(), y.columns());
-        if x_start < y_end + gap && y_start < x_end + gap {
-            each(i, j);
-        }
-        // Runs of one row are at least a column apart, so the one that ends first touches no other.
-        if x_end < y_end {
-            i += 1;
-        } else {
-            j += 1;
-        }
     }
 }

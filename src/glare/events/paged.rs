@@ -1,31 +1,31 @@
+use std::cmp::Ordering;
 use std::collections::BTreeMap;
 use std::io;
 use std::path::PathBuf;
 
-use super::duration::Durations;
 use super::event::Growing;
-use super::runs::{Fixed, Runs};
+use crate::base::{ExternalSort, Record};
 
 /// Counts of events at pixels that had no room in memory, on disk until their segment ends. Events
 /// of which something is here have a serial number, and wait here when they are over: only in the
 /// end is it known at how many different pixels they were, and how long at each.
 #[derive(Debug)]
 pub(in crate::glare) struct Paged {
-    counts: Runs<Count>,
+    counts: ExternalSort<Count>,
     /// For each serial number one of the same event; itself for the one that the event goes by.
     parents: Vec<u32>,
     over: BTreeMap<u32, Growing>,
 }
 
 /// Timesteps of an event at a pixel; there may be several of the same that add up.
-#[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord)]
+#[derive(Clone, Debug)]
 struct Count {
     pixel: u32,
     serial: u32,
     count: u32,
 }
 
-impl Fixed for Count {
+impl Record for Count {
     const BYTES: usize = 12;
 
     fn put(&self, out: &mut Vec<u8>) {
@@ -39,12 +39,17 @@ impl Fixed for Count {
             |at: usize| bytes[at..at + 4].iter().rev().fold(0, |n, b| n << 8 | u32::from(*b));
         Self { pixel: number(0), serial: number(4), count: number(8) }
     }
+
+    fn order(&self, other: &Self) -> Ordering {
+        let key = |c: &Self| (c.pixel, c.serial, c.count);
+        key(self).cmp(&key(other))
+    }
 }
 
 impl Paged {
     /// Keeps about `bytes` in memory, the rest in a file in `folder`.
     pub fn new(bytes: u64, folder: PathBuf) -> Self {
-        let counts = Runs::new(bytes, folder);
+        let counts = ExternalSort::new(bytes, folder);
         Self { counts, parents: Vec::new(), over: BTreeMap::new() }
     }
 
@@ -94,44 +99,37 @@ impl Paged {
         self.parents.capacity() * 4 + self.over.len() * 2 * size_of::<Growing>()
     }
 
-    /// The segment is over: settles the pixels, and returns the events that were waiting.
-    pub fn settle(&mut self, durations: &mut Durations) -> io::Result<Vec<Growing>> {
+    /// The segment is over: tells `settle` for each pixel and event how long the event was there, in
+    /// timesteps, and returns the events that were waiting.
+    pub fn settle(&mut self, mut settle: impl FnMut(u32, u32)) -> io::Result<Vec<Growing>> {
         if self.parents.is_empty() {
             return Ok(Vec::new());
         }
+        // Every number points at the one that its event goes by.
+        for serial in 0..self.parents.len() as u32 {
+            self.parents[serial as usize] = self.find(serial);
+        }
         let Self { counts, over, parents } = self;
         counts.sort();
-        // Every number points at the one that its event goes by.
-        for serial in 0..parents.len() {
-            let mut root = parents[serial];
-            while parents[root as usize] != root {
-                root = parents[root as usize];
-            }
-            parents[serial] = root;
-        }
-        let mut here: Vec<(u32, u32)> = Vec::new();
-        let mut settle = |pixel: u32, here: &mut Vec<(u32, u32)>| {
-            here.sort_unstable();
-            for same in here.chunk_by(|a, b| a.0 == b.0) {
-                durations.bring_back(pixel, same.iter().map(|(_, count)| count).sum());
-                if let Some(event) = over.get_mut(&same[0].0) {
+        let mut settle_pixel = |here: &mut Vec<Count>| {
+            here.sort_unstable_by(Record::order);
+            for same in here.chunk_by(|a, b| a.serial == b.serial) {
+                settle(same[0].pixel, same.iter().map(|here| here.count).sum());
+                if let Some(event) = over.get_mut(&same[0].serial) {
                     event.pixels -= same.len() as u64 - 1;
                 }
             }
             here.clear();
         };
-        let mut present = None;
+        let mut here: Vec<Count> = Vec::new();
         for count in counts.iter()? {
-            let Count { pixel, serial, count } = count?;
-            if let Some(before) = present.filter(|before| *before != pixel) {
-                settle(before, &mut here);
+            let count = count?;
+            if here.first().is_some_and(|first| first.pixel != count.pixel) {
+                settle_pixel(&mut here);
             }
-            present = Some(pixel);
-            here.push((parents[serial as usize], count));
+            here.push(Count { serial: parents[count.serial as usize], ..count });
         }
-        if let Some(pixel) = present {
-            settle(pixel, &mut here);
-        }
+        settle_pixel(&mut here);
         counts.clear()?;
         parents.clear();
         Ok(std::mem::take(over).into_values().collect())

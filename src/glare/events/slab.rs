@@ -1,12 +1,31 @@
+//! Slabs: what is found in a strip of rows at some timesteps, reduced to what its surroundings need.
+//!
+//! The problem: joining row runs to events and counting how long each pixel is in each event is
+//! sequential at heart, since whoever comes later may join what was two events so far; and its tables
+//! cover the picture, so that each run misses the cache.
+//!
+//! The idea: cut the volume into boxes of one strip and one part, label each box by itself, a thread
+//! each, while its runs are in the nearest cache, and forget whatever can't be seen from outside. A
+//! group of connected runs that touches no face of the box is an event, finished. What touches a face
+//! is *open*: the box keeps the runs at its faces, what is known of each open group, and how long each
+//! pixel is in it. `track` joins the boxes, whose faces are all it looks at; what happens inside of a
+//! box reaches it finished.
+//!
+//! Inside of a box the runs are joined by union-find in the order of timesteps and rows
+//! (two-pass labelling by runs: He, Chao & Suzuki 2008, "A run-based two-scan labeling algorithm"),
+//! the lowest number standing for the group, so that numbers follow the order of the volume.
+//! Then pixels are counted row by row: all timesteps of a row before the next row, so that what is
+//! known of the row stays in the nearest cache.
+
 use std::ops::Range;
 
+use super::counts::StripCounts;
 use super::event::{Event, Growing};
-use super::label::touching;
-use super::threshold::{Run, Span};
-use crate::glare::filter::smooth::Part;
+use super::threshold::{RowRun, Span, touching};
+use crate::glare::filter::part::Part;
 use crate::glare::settings::Connectivity;
-use crate::glare::year::counts::StripCounts;
 
+/// No number: of a group that reaches no face, of a column in no group.
 const NONE: u32 = u32::MAX;
 
 /// What lies above the threshold in a strip of rows at the consecutive timesteps of one [`Part`],
@@ -52,14 +71,14 @@ pub(in crate::glare) struct Stay {
 pub(in crate::glare) struct Scratch {
     /// For each timestep and row where its runs begin.
     starts: Vec<u32>,
-    runs: Vec<Run>,
+    runs: Vec<RowRun>,
     /// For each run one of the same group with a lower number, or itself; then its group.
     parents: Vec<u32>,
     groups: Vec<Group>,
-    /// For each column of a row which group it's in.
-    now: Vec<Now>,
-    /// Groups that a column was in before.
-    earlier: Vec<Earlier>,
+    /// For each column of the row that is counted, its stay in the group it was in last.
+    latest: Vec<ColumnStay>,
+    /// Stays of columns in other groups, before.
+    earlier: Vec<ColumnStay>,
     /// How long pixels are in groups that reach a face.
     stays: Vec<Stay>,
 }
@@ -71,22 +90,17 @@ struct Group {
     open: Option<u32>,
 }
 
+/// A column is in a group for so many timesteps.
 #[derive(Clone, Copy, Debug)]
-struct Now {
+struct ColumnStay {
     group: u32,
     count: u32,
-    earlier: u32,
+    /// The column's stay in another group: a number among the earlier ones.
+    before: u32,
 }
 
-impl Now {
-    const NOWHERE: Self = Self { group: NONE, count: 0, earlier: NONE };
-}
-
-#[derive(Clone, Copy, Debug)]
-struct Earlier {
-    group: u32,
-    count: u32,
-    next: u32,
+impl ColumnStay {
+    const NOWHERE: Self = Self { group: NONE, count: 0, before: NONE };
 }
 
 /// Where a slab lies in the volume.
@@ -100,34 +114,34 @@ pub(in crate::glare) struct Place<'a> {
 }
 
 impl Slab {
-    /// Joins the runs of a strip, timestep by timestep, and counts how long each pixel is above
-    /// the threshold.
+    /// Joins the runs of a strip (`found`, for each timestep), and counts how long each pixel is
+    /// above the threshold.
     pub fn new(
-        strips: Vec<Vec<Run>>,
+        found: Vec<Vec<RowRun>>,
         place: &Place<'_>,
         counts: &mut StripCounts<'_>,
         scratch: &mut Scratch,
     ) -> Self {
-        let steps = strips.len();
-        scratch.gather(strips, &place.rows);
+        let steps = found.len();
+        scratch.gather(found, &place.rows);
         scratch.join(steps, place.rows.len(), place.connectivity);
         let reaches = Reaches::new(place);
         scratch.number(place, &reaches);
         scratch.count(place, counts);
         let height = place.rows.len();
-        let whole = |s: usize| scratch.face(s * height..(s + 1) * height);
-        let line = |row: usize| move |s: usize| s * height + row..s * height + row + 1;
-        let lines = |wanted: bool, row: usize| -> Vec<Face> {
-            let here = if wanted { 0..steps } else { 0..0 };
-            here.map(line(row)).map(|lines| scratch.face(lines)).collect()
+        let of_step = |step: usize| scratch.face(step * height..(step + 1) * height);
+        let of_row = |row: usize| move |step: usize| step * height + row..step * height + row + 1;
+        let of_rows = |reaches: bool, row: usize| -> Vec<Face> {
+            let steps = if reaches { 0..steps } else { 0..0 };
+            steps.map(of_row(row)).map(|lines| scratch.face(lines)).collect()
         };
+        let first = if reaches.before { of_step(0) } else { Face::default() };
+        let last = if reaches.after { of_step(steps - 1) } else { Face::default() };
+        let (top, bottom) = (of_rows(reaches.above, 0), of_rows(reaches.below, height - 1));
         let [rows, columns] = place.picture.map(|n| n as u64);
         let opened = scratch.groups.iter().filter(|group| group.open.is_some()).count();
         let mut open = Vec::with_capacity(opened);
         let mut events = Vec::with_capacity(scratch.groups.len() - opened);
-        let first = if reaches.before { whole(0) } else { Face::default() };
-        let last = if reaches.after { whole(steps - 1) } else { Face::default() };
-        let (top, bottom) = (lines(reaches.above, 0), lines(reaches.below, height - 1));
         for group in &scratch.groups {
             match group.open {
                 Some(_) => open.push(group.growing),
@@ -162,10 +176,10 @@ impl Reaches {
 
 impl Scratch {
     /// Takes what was found; what is copied goes at once, so that it isn't there twice.
-    fn gather(&mut self, strips: Vec<Vec<Run>>, rows: &Range<usize>) {
+    fn gather(&mut self, found: Vec<Vec<RowRun>>, rows: &Range<usize>) {
         self.runs.clear();
         self.starts.clear();
-        for strip in strips {
+        for strip in found {
             let (base, mut at) = (self.runs.len(), 0);
             for row in rows.clone() {
                 // A slab has fewer than 2^32 voxels.
@@ -262,59 +276,76 @@ impl Scratch {
 
     /// Counts, row by row, so that all that is known of a row stays in the nearest cache.
     fn count(&mut self, place: &Place<'_>, counts: &mut StripCounts<'_>) {
-        let (height, columns) = (place.rows.len(), place.picture[1]);
-        self.now.resize(columns, Now::NOWHERE);
-        for row in 0..height {
-            let mut touched = columns..0;
-            for (step, timestep) in place.part.steps.clone().enumerate() {
-                let clock = place.part.clock(timestep);
-                for at in self.line(step * height + row) {
-                    let run = &self.runs[at];
-                    let (start, end) = (run.start as usize, run.end as usize);
-                    touched = touched.start.min(start)..touched.end.max(end);
-                    let group = self.parents[at];
-                    let base = row * columns;
-                    let pixels = &mut counts.pixels[base + start..base + end];
-                    for (now, count) in self.now[start..end].iter_mut().zip(pixels) {
-                        count.touch(clock);
-                        if now.group == group {
-                            now.count += 1;
-                        } else {
-                            enter(now, group, &mut self.earlier);
-                        }
-                    }
-                    counts.touch_yearly(timestep, base + start..base + end);
-                }
+        self.latest.resize(place.picture[1], ColumnStay::NOWHERE);
+        for row in 0..place.rows.len() {
+            let touched = self.count_row(row, place, counts);
+            if !touched.is_empty() {
+                self.settle_row(row, touched, place, counts);
             }
-            if touched.is_empty() {
-                continue;
-            }
-            let Self { groups, now, earlier, stays, .. } = self;
-            let base = row * columns;
-            for column in touched {
-                let mut at = std::mem::replace(&mut now[column], Now::NOWHERE);
-                while at.group != NONE {
-                    let group = &mut groups[at.group as usize];
-                    match group.open {
-                        Some(group) => {
-                            // Pixels are bounded by MAX_VIEW_PIXELS.
-                            let pixel = (place.rows.start * columns + base + column) as u32;
-                            stays.push(Stay { pixel, group, count: at.count });
-                        }
-                        None => {
-                            group.growing.pixels += 1;
-                            let pixel = &mut counts.pixels[base + column];
-                            pixel.sustained = pixel.sustained.max(at.count);
-                        }
-                    }
-                    at = match earlier.get(at.earlier as usize) {
-                        Some(e) => Now { group: e.group, count: e.count, earlier: e.next },
-                        None => Now::NOWHERE,
-                    };
-                }
-            }
-            earlier.clear();
         }
+    }
+
+    /// Goes through all timesteps of a row: at each pixel, its counts, and how long it is in which
+    /// group. The columns between the first and the last that were touched.
+    fn count_row(
+        &mut self,
+        row: usize,
+        place: &Place<'_>,
+        counts: &mut StripCounts<'_>,
+    ) -> Range<usize> {
+        let (height, columns) = (place.rows.len(), place.picture[1]);
+        let base = row * columns;
+        let mut touched = columns..0;
+        for (step, timestep) in place.part.steps.clone().enumerate() {
+            let clock = place.part.clock(timestep);
+            for at in self.line(step * height + row) {
+                let (run, group) = (&self.runs[at], self.parents[at]);
+                let (start, end) = (run.start as usize, run.end as usize);
+                touched = touched.start.min(start)..touched.end.max(end);
+                let pixels = &mut counts.pixels[base + start..base + end];
+                for (latest, pixel) in self.latest[start..end].iter_mut().zip(pixels) {
+                    pixel.touch(clock);
+                    if latest.group == group {
+                        latest.count += 1;
+                    } else {
+                        enter(latest, group, &mut self.earlier);
+                    }
+                }
+                counts.touch_yearly(timestep, base + start..base + end);
+            }
+        }
+        touched
+    }
+
+    /// The stays of a row's columns are complete: those in open groups are kept, of the others the
+    /// longest counts.
+    fn settle_row(
+        &mut self,
+        row: usize,
+        touched: Range<usize>,
+        place: &Place<'_>,
+        counts: &mut StripCounts<'_>,
+    ) {
+        let Self { groups, latest, earlier, stays, .. } = self;
+        let base = row * place.picture[1];
+        for column in touched {
+            let mut stay = std::mem::replace(&mut latest[column], ColumnStay::NOWHERE);
+            while stay.group != NONE {
+                let group = &mut groups[stay.group as usize];
+                if let Some(group) = group.open {
+                    // Pixels are bounded by MAX_VIEW_PIXELS.
+                    let pixel = (place.rows.start * place.picture[1] + base + column) as u32;
+                    stays.push(Stay { pixel, group, count: stay.count });
+                } else {
+                    group.growing.pixels += 1;
+                    let pixel = &mut counts.pixels[base + column];
+                    pixel.sustained = pixel.sustained.max(stay.count);
+                }
+                let before = earlier.get(stay.before as usize);
+                stay = before.copied().unwrap_or(ColumnStay::NOWHERE);
+            }
+        }
+        earlier.clear();
     }
 
     /// The runs of some lines, with the numbers of their groups among those that reach a face.
@@ -323,32 +354,33 @@ impl Scratch {
         let open = |group: &u32| self.groups[*group as usize].open.unwrap_or(NONE);
         Face {
             groups: self.parents[runs.clone()].iter().map(open).collect(),
-            runs: self.runs[runs].iter().map(Run::span).collect(),
+            runs: self.runs[runs].iter().map(RowRun::span).collect(),
         }
     }
 }
 
-/// The column leaves the group that it's in for another one, where it may have been before.
+/// A column leaves the group that it was in for another one, where it may have been before.
 #[inline(never)]
-fn enter(now: &mut Now, group: u32, earlier: &mut Vec<Earlier>) {
-    if now.group != NONE {
-        let mut at = now.earlier;
-        while let Some(e) = earlier.get_mut(at as usize) {
-            if e.group == group {
-                std::mem::swap(&mut e.group, &mut now.group);
-                std::mem::swap(&mut e.count, &mut now.count);
-                now.count += 1;
+fn enter(latest: &mut ColumnStay, group: u32, earlier: &mut Vec<ColumnStay>) {
+    if latest.group != NONE {
+        let mut at = latest.before;
+        while let Some(stay) = earlier.get_mut(at as usize) {
+            if stay.group == group {
+                std::mem::swap(&mut stay.group, &mut latest.group);
+                std::mem::swap(&mut stay.count, &mut latest.count);
+                latest.count += 1;
                 return;
             }
-            at = e.next;
+            at = stay.before;
         }
         let number = earlier.len() as u32;
-        earlier.push(Earlier { group: now.group, count: now.count, next: now.earlier });
-        now.earlier = number;
+        earlier.push(*latest);
+        latest.before = number;
     }
-    (now.group, now.count) = (group, 1);
+    (latest.group, latest.count) = (group, 1);
 }
 
+/// The lowest number of a group, given any; what is looked up is nearer to it the next time.
 fn find(parents: &mut [u32], mut at: u32) -> u32 {
     loop {
         let parent = parents[at as usize];

@@ -1,10 +1,18 @@
+//! The threshold: filtered rows of a strip become row runs, neighbouring voxels of one row above it.
+//!
+//! All that follows works on row runs, never on voxels. Where little is above the threshold that is
+//! little work; where noise is, a run is a voxel or two, and this file is what decides the speed: 64
+//! values are compared at once into the bits of a word, and runs are read off its zeros and ones.
+//! Rows come in pieces of columns ([`FilteredRows`](crate::glare::filter::strip::FilteredRows)); a run
+//! that goes on across the border of a piece is joined in the end.
+
 use pulp::NullaryFnOnce;
 
-use crate::glare::filter::vector::{above, any_above};
+use crate::glare::filter::vector::{above, any_above, dispatch};
 
 /// Neighbouring voxels of one row above the threshold.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(in crate::glare) struct Run {
+pub(in crate::glare) struct RowRun {
     /// The row.
     pub row: u32,
     /// First column.
@@ -17,7 +25,7 @@ pub(in crate::glare) struct Run {
     pub peak_w_m2: f32,
 }
 
-/// Where a run lies: all that matters to what touches it.
+/// Where a row run lies: all that matters to what touches it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(in crate::glare) struct Span {
     /// The row.
@@ -28,26 +36,39 @@ pub(in crate::glare) struct Span {
     pub end: u32,
 }
 
-/// What covers columns of a row, from the first to one past the last.
-pub(in crate::glare) trait Columns {
-    fn columns(&self) -> (u32, u32);
+/// What lies above a threshold at the timesteps of a batch, while its filtered rows come in: for
+/// each timestep, for each piece of columns, the row runs from the top.
+pub(in crate::glare) struct Above {
+    threshold: f32,
+    found: Vec<Vec<Vec<RowRun>>>,
 }
 
-impl Columns for Run {
-    #[inline]
-    fn columns(&self) -> (u32, u32) {
-        (self.start, self.end)
+impl Above {
+    /// Nothing yet, at so many timesteps.
+    pub fn new(threshold: f32, steps: usize) -> Self {
+        Self { threshold, found: vec![Vec::new(); steps] }
+    }
+
+    /// A piece of columns begins.
+    pub fn begin(&mut self) {
+        self.found.iter_mut().for_each(|pieces| pieces.push(Vec::new()));
+    }
+
+    /// A row of the piece, which begins at `column`, at timestep number `step`.
+    pub fn add(&mut self, step: usize, row: usize, column: usize, values: &[f32]) {
+        let Some(runs) = self.found[step].last_mut() else { return };
+        // Rows and columns are bounded by MAX_VIEW_PIXELS.
+        let (row, column) = (row as u32, column as u32);
+        dispatch(FindRuns { values, threshold: self.threshold, row, column, runs });
+    }
+
+    /// For each timestep its row runs, sorted by row and column.
+    pub fn finish(self) -> impl Iterator<Item = Vec<RowRun>> {
+        self.found.into_iter().map(|pieces| stitch(&pieces))
     }
 }
 
-impl Columns for Span {
-    #[inline]
-    fn columns(&self) -> (u32, u32) {
-        (self.start, self.end)
-    }
-}
-
-impl Run {
+impl RowRun {
     pub fn span(&self) -> Span {
         Span { row: self.row, start: self.start, end: self.end }
     }
@@ -60,12 +81,12 @@ impl Run {
 }
 
 /// Appends the runs of a piece of a row that begins at `column`.
-pub(in crate::glare) struct FindRuns<'a> {
-    pub values: &'a [f32],
-    pub threshold: f32,
-    pub row: u32,
-    pub column: u32,
-    pub runs: &'a mut Vec<Run>,
+struct FindRuns<'a> {
+    values: &'a [f32],
+    threshold: f32,
+    row: u32,
+    column: u32,
+    runs: &'a mut Vec<RowRun>,
 }
 
 impl NullaryFnOnce for FindRuns<'_> {
@@ -109,7 +130,7 @@ impl NullaryFnOnce for FindRuns<'_> {
 }
 
 #[inline(always)]
-fn run(values: &[f32], row: u32, column: u32, start: usize, end: usize) -> Run {
+fn run(values: &[f32], row: u32, column: u32, start: usize, end: usize) -> RowRun {
     let (mut peak, mut at) = (values[start], start);
     for (i, value) in values[start..end].iter().enumerate().skip(1) {
         if *value > peak {
@@ -118,7 +139,7 @@ fn run(values: &[f32], row: u32, column: u32, start: usize, end: usize) -> Run {
     }
     // A row has at most MAX_VIEW_EDGE columns.
     let absolute = |index: usize| column + index as u32;
-    Run {
+    RowRun {
         row,
         start: absolute(start),
         end: absolute(end),
@@ -127,19 +148,20 @@ fn run(values: &[f32], row: u32, column: u32, start: usize, end: usize) -> Run {
     }
 }
 
-/// Puts the runs of neighbouring blocks of columns, each sorted by row, into one list sorted by
-/// row and column; runs that meet at a block's border become one.
-pub(in crate::glare) fn stitch(blocks: &[Vec<Run>], out: &mut Vec<Run>) {
-    if let [only] = blocks {
+/// The runs of neighbouring pieces of columns, each sorted by row, as one list sorted by row and
+/// column; runs that meet at the border of a piece become one.
+fn stitch(pieces: &[Vec<RowRun>]) -> Vec<RowRun> {
+    let mut out = Vec::with_capacity(pieces.iter().map(Vec::len).sum());
+    if let [only] = pieces {
         out.extend_from_slice(only);
-        return;
+        return out;
     }
-    let mut next = vec![0; blocks.len()];
+    let mut next = vec![0; pieces.len()];
     loop {
-        let heads = blocks.iter().zip(&next).filter_map(|(block, &at)| block.get(at));
-        let Some(row) = heads.map(|run| run.row).min() else { return };
-        for (block, at) in blocks.iter().zip(&mut next) {
-            while let Some(run) = block.get(*at).filter(|run| run.row == row) {
+        let heads = pieces.iter().zip(&next).filter_map(|(piece, &at)| piece.get(at));
+        let Some(row) = heads.map(|run| run.row).min() else { return out };
+        for (piece, at) in pieces.iter().zip(&mut next) {
+            while let Some(run) = piece.get(*at).filter(|run| run.row == row) {
                 match out.last_mut() {
                     Some(last) if last.row == row && last.end == run.start => {
                         *last = last.joined(*run);
@@ -152,14 +174,55 @@ pub(in crate::glare) fn stitch(blocks: &[Vec<Run>], out: &mut Vec<Run>) {
     }
 }
 
+/// Where a run begins and ends.
+pub(in crate::glare) trait Columns {
+    fn columns(&self) -> [u32; 2];
+}
+
+impl Columns for RowRun {
+    #[inline]
+    fn columns(&self) -> [u32; 2] {
+        [self.start, self.end]
+    }
+}
+
+impl Columns for Span {
+    #[inline]
+    fn columns(&self) -> [u32; 2] {
+        [self.start, self.end]
+    }
+}
+
+/// Calls `each` with the indices of runs of two rows that lie at most `gap` columns apart
+/// diagonally (0: they share a column).
+pub(in crate::glare) fn touching<T: Columns>(
+    a: &[T],
+    b: &[T],
+    gap: u32,
+    mut each: impl FnMut(usize, usize),
+) {
+    let (mut i, mut j) = (0, 0);
+    while let (Some(x), Some(y)) = (a.get(i), b.get(j)) {
+        let ([x_start, x_end], [y_start, y_end]) = (x.columns(), y.columns());
+        if x_start < y_end + gap && y_start < x_end + gap {
+            each(i, j);
+        }
+        // Runs of one row are at least a column apart, so the one that ends first touches no other.
+        if x_end < y_end {
+            i += 1;
+        } else {
+            j += 1;
+        }
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::base::{Purpose, Stream};
-    use crate::glare::filter::vector::dispatch;
 
-    fn slow(values: &[f32], threshold: f32) -> Vec<Run> {
-        let mut out: Vec<Run> = Vec::new();
+    fn slow(values: &[f32], threshold: f32) -> Vec<RowRun> {
+        let mut out: Vec<RowRun> = Vec::new();
         for (column, &value) in values.iter().enumerate().filter(|(_, v)| **v > threshold) {
             let column = column as u32;
             match out.last_mut() {
@@ -169,7 +232,7 @@ mod tests {
                         (last.peak_w_m2, last.peak_column) = (value, column);
                     }
                 }
-                _ => out.push(Run {
+                _ => out.push(RowRun {
                     row: 3,
                     start: column,
                     end: column + 1,
@@ -194,27 +257,13 @@ mod tests {
                     })
                     .collect();
                 for width in [64, 128, 512] {
-                    let blocks: Vec<Vec<Run>> = values
-                        .chunks(width)
-                        .enumerate()
-                        .map(|(i, values)| {
-                            let mut runs = Vec::new();
-                            let column = (i * width) as u32;
-                            let runs_out = &mut runs;
-                            let threshold = 10.0;
-                            dispatch(FindRuns {
-                                values,
-                                threshold,
-                                row: 3,
-                                column,
-                                runs: runs_out,
-                            });
-                            runs
-                        })
-                        .collect();
-                    let mut found = Vec::new();
-                    stitch(&blocks, &mut found);
-                    assert_eq!(found, slow(&values, 10.0), "{length} values, blocks of {width}");
+                    let mut above = Above::new(10.0, 1);
+                    for (i, values) in values.chunks(width).enumerate() {
+                        above.begin();
+                        above.add(0, 3, i * width, values);
+                    }
+                    let found = above.finish().next().unwrap();
+                    assert_eq!(found, slow(&values, 10.0), "{length} values, pieces of {width}");
                 }
             }
         }

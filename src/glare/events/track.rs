@@ -1,13 +1,20 @@
+//! Events followed from slab to slab.
+//!
+//! Slabs come strip by strip from the top, and on in time. Where open groups of a slab touch what was
+//! there before (the lowest row of the strip above, the last timestep of the batch before) they join its
+//! events; groups that touch nothing known get a number. An event that isn't in the last timestep of
+//! its batch is over when the batch is, since whatever could join it would have to go through there.
+//! All of this is sequential; only what crosses the faces of slabs takes part in it.
+
 use std::io;
 
 use super::duration::{Alive, Durations};
-use super::label::{Labelled, Labels, touching};
+use super::label::{Labelled, Labels};
 use super::list::Events;
 use super::paged::Paged;
 use super::slab::{Face, Slab};
-use super::threshold::Span;
-use crate::glare::filter::smooth::Part;
-use crate::glare::plan::Plan;
+use super::threshold::{Span, touching};
+use crate::glare::filter::part::Part;
 use crate::glare::settings::{Connectivity, Settings};
 
 const NONE: u32 = u32::MAX;
@@ -59,10 +66,10 @@ struct Ongoing {
 }
 
 impl Tracker {
-    pub fn new(rows: usize, columns: usize, settings: &Settings, plan: &Plan) -> Self {
+    pub fn new(rows: usize, columns: usize, settings: &Settings, spill_bytes: u64) -> Self {
         // One half for visits, a quarter for what is paged out, little for the list of events,
         // which grows with the year and is written in one piece after the other.
-        let quarter = plan.spill_bytes / 4;
+        let quarter = spill_bytes / 4;
         Self {
             rows,
             columns,
@@ -156,7 +163,7 @@ impl Tracker {
         seen.resize(labels.len(), 0);
         for stay in &slab.stays {
             let root = known[stay.group as usize];
-            durations.stay((stay.pixel, stay.count), part.number, root, labels, alive);
+            durations.stay(stay, part.number, root, labels, alive);
         }
         let label = |faces: &mut Face| {
             faces.groups.iter_mut().for_each(|group| *group = known[*group as usize]);
@@ -245,7 +252,8 @@ impl Tracker {
             self.labels.release(root);
         }
         if ends {
-            for event in self.paged.settle(&mut self.durations)? {
+            let Self { paged, durations, .. } = self;
+            for event in paged.settle(|pixel, count| durations.bring_back(pixel, count))? {
                 self.events.push(event.finished(self.rows as u64, self.columns as u64))?;
             }
         }

@@ -47,10 +47,20 @@ impl Kernel {
     pub fn weights(&self) -> &[f64] {
         &self.weights
     }
+}
 
-    /// Whether the filter changes nothing.
-    pub(in crate::glare) fn is_identity(&self) -> bool {
-        self.weights.len() == 1
+/// The separable Gaussian: along t, then y, then x, each rounded to float32.
+#[derive(Clone, Debug)]
+pub(in crate::glare) struct Gaussian {
+    pub t: Kernel,
+    pub y: Kernel,
+    pub x: Kernel,
+}
+
+impl Gaussian {
+    /// Whether no axis is filtered.
+    pub fn is_identity(&self) -> bool {
+        [&self.t, &self.y, &self.x].iter().all(|kernel| kernel.weights.len() == 1)
     }
 }
 

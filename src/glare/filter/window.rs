@@ -1,3 +1,11 @@
+//! What the filter can see of the volume.
+//!
+//! Two kinds of memory: of the timesteps that are being read, some rows of tiles, which come at the
+//! bottom as the work goes down the picture and leave at the top; of the timesteps before, all rows, but
+//! no more timesteps than the filter reaches back. What leaves at the top is copied into the past,
+//! unless neither was lit nor is: for each tile and each [`GROUP`] of columns it is noted whether
+//! anything there isn't +0, which is what makes dark places cost nothing.
+
 use std::collections::VecDeque;
 use std::ops::Range;
 
@@ -153,11 +161,6 @@ impl Window {
         let past = (0..depth).map(|_| slice()).collect();
         let (blocks, spare) = (VecDeque::new(), Vec::new());
         Self { rows, columns, groups, fresh: 0, blocks, spare, past }
-    }
-
-    /// The rows of tiles that are there end before this row.
-    pub fn end(&self) -> usize {
-        self.blocks.back().map_or(0, |block| block.rows.end)
     }
 
     /// Goes on in time: what follows is read from `timestep` on, from the top.

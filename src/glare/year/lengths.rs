@@ -87,7 +87,7 @@ impl Lengths {
 mod tests {
     use super::*;
     use crate::base::{Purpose, SpectralBasis, Stream};
-    use crate::glare::year::spot::{margins, spot};
+    use crate::glare::year::receiver::{margins, spot};
 
     /// What is counted by lengths, against the same written out instant by instant.
     #[test]

@@ -1,3 +1,10 @@
+//! Maps of the unfiltered year: how much, how often and when each pixel is above a threshold.
+//!
+//! A series is stored by tile, so that the whole year of a tile's pixels is gone through at once and
+//! each pixel needs a handful of counters. Two maps ask for the irradiance that is exceeded for half an
+//! hour of a day and for 50 hours of the year: a pixel keeps its highest values, as few as last that
+//! long together. Hours are summed as whole billionths, so that the order of a sum doesn't show.
+
 use std::cmp::Reverse;
 use std::collections::BinaryHeap;
 use std::io;
@@ -7,14 +14,15 @@ use rayon::prelude::*;
 use super::lengths::{Lengths, SLACK_H};
 use crate::base::limits::TILE_EDGE;
 use crate::base::{Progress, TileRect};
-use crate::glare::error::Error;
-use crate::glare::slices::ReadFailure;
+use crate::glare::error::{Error, ReadFailure};
+use crate::glare::settings::comparable;
 use crate::volume::{TimeAxis, Volume};
 
 /// How long the irradiance is exceeded of which [`YearMap::ExceededInYear`] speaks, h.
-const YEAR_H: f64 = 50.0;
+pub(super) const YEAR_H: f64 = 50.0;
 /// Hours are summed as whole billionths, so that their order doesn't matter.
-const BILLIONTHS: f64 = 1e9;
+pub(super) const BILLIONTHS: f64 = 1e9;
+/// Pixels of a tile.
 pub(in crate::glare) const TILE: usize = TILE_EDGE * TILE_EDGE;
 
 /// What is known of each pixel over the year, from the volume as it is, without any filter: the
@@ -101,14 +109,14 @@ pub fn year(
     progress: &dyn Progress,
 ) -> Result<bool, Error> {
     let (Some(axis), Some(tiles)) = (volume.axis(), volume.tiles()) else { return Ok(false) };
-    let threshold = checked(threshold_w_m2)?;
+    let threshold = comparable(threshold_w_m2)?;
     let clock = Clock::new(axis, clock_h)?;
     let maps = YearMap::all(axis);
     let columns = volume.shape()[2];
     let across = columns.div_ceil(TILE_EDGE);
     progress.begin("year of each pixel", tiles as u64, "tiles");
     for first in (0..tiles).step_by(across) {
-        let found: Vec<(TileRect, Vec<Vec<f32>>)> = (first..first + across)
+        let found: Vec<TileMaps> = (first..first + across)
             .into_par_iter()
             .map(|number| {
                 progress.check()?;
@@ -117,32 +125,40 @@ pub fn year(
                     .read_tile(number, |timestep, numbers| pixels.add(timestep, numbers))
                     .map_err(ReadFailure::from)?;
                 progress.advance(1);
-                Ok((tile, pixels.finish(&maps)))
+                Ok(TileMaps { tile, values: pixels.finish(&maps) })
             })
             .collect::<Result<_, Error>>()?;
-        let height = found.first().map_or(0, |(tile, _)| tile.rows);
-        let mut band = vec![0.0; height * columns];
-        for (index, map) in maps.iter().enumerate() {
-            for (tile, values) in &found {
-                let lines = band.chunks_exact_mut(columns);
-                for (line, from) in lines.zip(values[index].chunks_exact(TILE_EDGE)) {
-                    line[tile.column..][..tile.columns].copy_from_slice(&from[..tile.columns]);
-                }
-            }
-            rows(*map, &band).map_err(Error::Maps)?;
-        }
+        hand_on(&maps, &found, columns, &mut *rows)?;
     }
     progress.finish();
     Ok(true)
 }
 
-/// A threshold as it is compared.
-pub(in crate::glare) fn checked(threshold_w_m2: f64) -> Result<f32, Error> {
-    let threshold = threshold_w_m2 as f32;
-    if threshold_w_m2 >= 0.0 && threshold.is_finite() {
-        return Ok(threshold);
+/// The maps of a tile's pixels: [`TILE`] numbers for each map.
+pub(in crate::glare) struct TileMaps {
+    pub tile: TileRect,
+    pub values: Vec<f32>,
+}
+
+/// Hands on the maps of a row of tiles, which cover `columns`.
+pub(in crate::glare) fn hand_on(
+    maps: &[YearMap],
+    found: &[TileMaps],
+    columns: usize,
+    rows: YearRows<'_>,
+) -> Result<(), Error> {
+    let height = found.first().map_or(0, |found| found.tile.rows);
+    let mut band = vec![0.0; height * columns];
+    for (index, map) in maps.iter().enumerate() {
+        for TileMaps { tile, values } in found {
+            let values = values[index * TILE..][..TILE].chunks_exact(TILE_EDGE);
+            for (line, from) in band.chunks_exact_mut(columns).zip(values) {
+                line[tile.column..][..tile.columns].copy_from_slice(&from[..tile.columns]);
+            }
+        }
+        rows(*map, &band).map_err(Error::Maps)?;
     }
-    Err(Error::Threshold(threshold_w_m2))
+    Ok(())
 }
 
 /// What a tile's pixels need to know of time.
@@ -251,13 +267,14 @@ impl<'a> Pixels<'a> {
         }
     }
 
-    pub fn finish(mut self, maps: &[YearMap]) -> Vec<Vec<f32>> {
+    /// [`TILE`] numbers for each map.
+    pub fn finish(mut self, maps: &[YearMap]) -> Vec<f32> {
         for pixel in &mut self.pixels {
             pixel.end_day(self.clock.half_hour);
         }
         let step_h = self.clock.lengths.step_h();
-        let values = |map: &YearMap| self.pixels.iter().map(|p| p.value(*map, step_h)).collect();
-        maps.iter().map(values).collect()
+        let value = |map: &YearMap, pixel: &Pixel| pixel.value(*map, step_h);
+        maps.iter().flat_map(|map| self.pixels.iter().map(move |p| value(map, p))).collect()
     }
 }
 

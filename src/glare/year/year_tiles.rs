@@ -3,10 +3,11 @@ use std::io::{self, Read, Seek, SeekFrom, Write};
 use std::path::Path;
 use std::sync::Mutex;
 
-use super::maps::{Clock, Pixels, TILE, YearMap, YearRows, checked};
+use super::maps::{Clock, Pixels, TILE, TileMaps, YearMap, YearRows, hand_on};
 use crate::base::limits::TILE_EDGE;
 use crate::base::{SeriesEntry, SinkError, TileRect, TileSink, tiles};
 use crate::glare::error::Error;
+use crate::glare::settings::comparable;
 use crate::volume::TimeAxis;
 
 /// The maps of [`year`](super::maps::year) for a series that is never written: takes the whole year of
@@ -28,12 +29,13 @@ impl<'a> YearTiles<'a> {
     /// # Errors
     /// A threshold or a time step out of range; a folder that can't be written to.
     pub fn new(
-        (axis, clock_h): (&'a TimeAxis, Option<&[f64]>),
+        axis: &'a TimeAxis,
+        clock_h: Option<&[f64]>,
         [rows, columns]: [usize; 2],
         threshold_w_m2: f64,
         spill: &Path,
     ) -> Result<Self, Error> {
-        let (clock, threshold) = (Clock::new(axis, clock_h)?, checked(threshold_w_m2)?);
+        let (clock, threshold) = (Clock::new(axis, clock_h)?, comparable(threshold_w_m2)?);
         let tiles = tiles(columns, rows, TILE_EDGE);
         let found = Mutex::new(tempfile::tempfile_in(spill).map_err(Error::Maps)?);
         Ok(Self { threshold, clock, maps: YearMap::all(axis), tiles, columns, found })
@@ -51,24 +53,15 @@ impl<'a> YearTiles<'a> {
         let across = self.columns.div_ceil(TILE_EDGE).max(1);
         let mut bytes = vec![0u8; block];
         for (number, row) in self.tiles.chunks(across).enumerate() {
-            let height = row.first().map_or(0, |tile| tile.rows);
-            let mut bands = vec![vec![0.0f32; height * self.columns]; self.maps.len()];
             file.seek(SeekFrom::Start((number * across * block) as u64)).map_err(Error::Maps)?;
-            for tile in row {
-                file.read_exact(&mut bytes).map_err(Error::Maps)?;
-                for (band, values) in bands.iter_mut().zip(bytes.chunks_exact(TILE * 4)) {
-                    let lines = band.chunks_exact_mut(self.columns);
-                    for (line, from) in lines.zip(values.chunks_exact(TILE_EDGE * 4)) {
-                        let line = &mut line[tile.column..][..tile.columns];
-                        for (value, bytes) in line.iter_mut().zip(from.as_chunks::<4>().0) {
-                            *value = f32::from_le_bytes(*bytes);
-                        }
-                    }
-                }
-            }
-            for (map, band) in self.maps.iter().zip(&bands) {
-                rows(*map, band).map_err(Error::Maps)?;
-            }
+            let mut read = |tile: &TileRect| {
+                file.read_exact(&mut bytes)?;
+                let values = bytes.as_chunks::<4>().0.iter().map(|b| f32::from_le_bytes(*b));
+                Ok(TileMaps { tile: *tile, values: values.collect() })
+            };
+            let found: Vec<TileMaps> =
+                row.iter().map(&mut read).collect::<io::Result<_>>().map_err(Error::Maps)?;
+            hand_on(&self.maps, &found, self.columns, &mut *rows)?;
         }
         Ok(())
     }
@@ -94,7 +87,7 @@ impl TileSink for YearTiles<'_> {
             pixels.one(place, timestep, e.irradiance_w_m2);
         }
         let values = pixels.finish(&self.maps);
-        let bytes: Vec<u8> = values.iter().flatten().flat_map(|v| v.to_le_bytes()).collect();
+        let bytes: Vec<u8> = values.iter().flat_map(|v| v.to_le_bytes()).collect();
         let mut file = self.found.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
         let at = number as u64 * bytes.len() as u64;
         let written = file.seek(SeekFrom::Start(at)).and_then(|_| file.write_all(&bytes));

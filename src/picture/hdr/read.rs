@@ -1,3 +1,11 @@
+//! Reads Radiance pictures (RGBE), in all orientations and both run-length encodings.
+//!
+//! The header is text up to an empty line; `EXPOSURE=` lines multiply, and pixels are divided by
+//! the product, so that what is returned are the values before any adjustment. The resolution line
+//! says how the pixels lie (`-Y 20 +X 80` is usual), and the picture is turned accordingly.
+//! Scanlines are claims: a run that leaves its line is damage, not a reason to grow. After Ward
+//! 1991, "Real pixels" (Graphics Gems II), and Radiance's `color.c`.
+
 use std::fs;
 use std::path::Path;
 

@@ -1,26 +1,32 @@
 //! The maps of a material in a view: their files, their channels, their units, their titles.
 
-use crate::base::{MONTHS, SpectralBasis};
+use crate::base::{Irradiance, MONTHS, SpectralBasis};
 use crate::glare::YearMap;
-use crate::render::Quantity;
 
 /// One of the series of a view. That of the irradiance which the project asks for has the plain
 /// name; another one says in its name what it is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct SeriesOf {
     /// What it holds.
-    pub quantity: Quantity,
+    pub quantity: Irradiance,
     /// What the project asks for.
-    pub asked: Quantity,
+    pub asked: Irradiance,
 }
 
 impl SeriesOf {
+    /// All that there may be, whatever is asked for.
+    pub fn all() -> [Self; 3] {
+        let [surface, facing] = [Irradiance::Surface, Irradiance::FacingBeam];
+        let of = |quantity, asked| Self { quantity, asked };
+        [of(surface, surface), of(surface, facing), of(facing, surface)]
+    }
+
     /// A file name with the irradiance in it, where it isn't the one that was asked for.
     pub(super) fn named(self, stem: &str) -> String {
         match self.quantity {
             _ if self.quantity == self.asked => stem.to_owned(),
-            Quantity::Surface => format!("{stem}_surface"),
-            Quantity::Normal => format!("{stem}_normal"),
+            Irradiance::Surface => format!("{stem}_surface"),
+            Irradiance::FacingBeam => format!("{stem}_normal"),
         }
     }
 }
@@ -118,8 +124,8 @@ impl Map {
             Self::Radius => "radius.m",
             Self::StandardError => "standard_error.wh_m2",
             Self::IntegrationError => "error.wh_m2",
-            Self::Peak(SeriesOf { quantity: Quantity::Surface, .. }) => "peak.w_m2",
-            Self::Peak(SeriesOf { quantity: Quantity::Normal, .. }) => "peak_normal.w_m2",
+            Self::Peak(SeriesOf { quantity: Irradiance::Surface, .. }) => "peak.w_m2",
+            Self::Peak(SeriesOf { quantity: Irradiance::FacingBeam, .. }) => "peak_normal.w_m2",
             Self::PhotonIrradiance => "photon.w_m2",
             Self::SeriesRadius => "series_radius.m",
             Self::Ratio => "ratio",
@@ -221,9 +227,9 @@ fn exposure_unit(basis: SpectralBasis) -> &'static str {
 }
 
 /// Which irradiance it is, for people.
-pub fn quantity_words(quantity: Quantity) -> &'static str {
+pub fn quantity_words(quantity: Irradiance) -> &'static str {
     match quantity {
-        Quantity::Surface => "on the surface",
-        Quantity::Normal => "normal to the beam",
+        Irradiance::Surface => "on the surface",
+        Irradiance::FacingBeam => "normal to the beam",
     }
 }

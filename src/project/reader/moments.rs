@@ -6,6 +6,7 @@ use super::Reader;
 use crate::project::error::Error;
 use crate::project::resolve::{Camera, PlannedMoment};
 use crate::project::view_tables::MomentTable;
+use crate::project::views::PlannedView;
 use crate::render::View;
 use crate::sky;
 
@@ -61,14 +62,15 @@ impl Reader<'_> {
             }
             (Some(view), None) => {
                 let all = self.views()?;
-                let found = all.iter().find(|v| v.name == *view).ok_or_else(|| {
+                let found = all.iter().find(|v| v.name == *view).and_then(PlannedView::picture);
+                let found = found.ok_or_else(|| {
                     let known: Vec<_> = all.iter().map(|v| v.name.as_str()).collect();
                     let known = known.join(", ");
                     wrong(format!(
                         "view: no [[view]] with a picture is named \"{view}\" (there are: {known}), and view options begin with -"
                     ))
                 })?;
-                let size = t.size.unwrap_or([found.view.columns(), found.view.rows()]);
+                let size = t.size.unwrap_or(found.size);
                 found.view.resized(size[0], size[1]).map_err(|e| wrong(format!("size: {e}")))?;
                 Ok(vec![planned(named(view), Camera::Options(found.options.clone()), size)])
             }

@@ -5,15 +5,15 @@ use std::fs;
 use std::path::Path;
 
 use super::Reader;
-use super::settings::Gathered;
 use crate::base::limits;
-use crate::project::artifacts::RECEIVERS;
 use crate::project::error::Error;
 use crate::project::manifest::hash_path;
-use crate::project::resolve::{PlannedView, Points};
 use crate::project::view_tables::{RegionTable, ViewTable};
+use crate::project::views::{
+    Estimator, PhotonGather, PlannedView, Points, RECEIVERS, SeriesKept, Target,
+};
 use crate::render::sensors::parse_sensors;
-use crate::render::{Estimator, Gather, View};
+use crate::render::{self, Gather};
 use crate::rules;
 use crate::rules::Profile;
 
@@ -34,45 +34,40 @@ impl Reader<'_> {
             return Ok(out);
         }
         // They are gathered as the first view is: what it shows and what is said of them agree.
-        let by = self.receivers_by()?;
-        let (gathered, mantissa_bits) = match p.view.first() {
-            Some(t) => (self.gathered(t, by.is_none())?, self.mantissa_bits(t)?),
-            None => (Gathered::default(), limits::EXACT_MANTISSA_BITS),
+        let (gather, mantissa_bits) = match p.view.first() {
+            Some(t) => (self.gathered(t)?, self.mantissa_bits(t)?),
+            None => (PhotonGather::default(), limits::EXACT_MANTISSA_BITS),
+        };
+        let estimator = match self.receivers_by()? {
+            None => Estimator::Direct(self.sight()),
+            Some(estimator) => {
+                let annual = Gather { estimator, ..gather.annual };
+                Estimator::Photons(PhotonGather { annual, ..gather })
+            }
         };
         out.push(PlannedView {
-            fuse: false,
-            both: false,
             name: RECEIVERS.to_owned(),
-            options: String::new(),
-            view: self.no_view()?,
-            annual: Gather { estimator: by.unwrap_or(Estimator::Photons), ..gathered.annual },
-            series_bandwidth: gathered.series_bandwidth,
-            series_edges: gathered.series_edges,
+            target: Target::Points(Points::Receivers),
+            estimator,
+            series: SeriesKept::One,
             mantissa_bits,
-            points: Some(Points::Receivers),
-            direct: by.is_none(),
         });
         Ok(out)
     }
 
     /// How observers and regions are computed: as `[receivers]` says, else as the first view.
     /// `None` where they are integrated directly.
-    pub(super) fn receivers_by(&self) -> Result<Option<Estimator>, Error> {
+    pub(super) fn receivers_by(&self) -> Result<Option<render::Estimator>, Error> {
         let p = self.project;
         let said = p.receivers.as_ref().map(|t| t.estimator.as_str());
         match (said, p.view.first().map(|t| t.estimator.as_str())) {
             (Some("direct"), _) | (None, Some("direct")) => Ok(None),
-            (None, Some("radiance")) => Ok(Some(Estimator::Radiance)),
-            (Some("photons") | None, _) => Ok(Some(Estimator::Photons)),
+            (None, Some("radiance")) => Ok(Some(render::Estimator::Radiance)),
+            (Some("photons") | None, _) => Ok(Some(render::Estimator::Photons)),
             (Some(other), _) => Err(self.wrong(format!(
                 "receivers.estimator: expected \"photons\" or \"direct\", found \"{other}\""
             ))),
         }
-    }
-
-    /// What stands in the place of a view where points have none.
-    fn no_view(&self) -> Result<View, Error> {
-        Ok(View::parse("-vtv", 1, 1)?)
     }
 
     fn sensor_file(&self, t: &ViewTable) -> Result<PlannedView, Error> {
@@ -88,8 +83,6 @@ impl Reader<'_> {
             ));
         }
         let map = self.map(&t.coordinates).map_err(wrong)?;
-        let Gathered { annual, series_bandwidth, series_edges } =
-            self.gathered(t, t.estimator == "direct")?;
         let name = t.sensors.clone().unwrap_or_default();
         let path = self.file.parent().unwrap_or(Path::new("")).join(&name);
         let read = |source| Error::Read { path: path.clone(), source };
@@ -100,18 +93,13 @@ impl Reader<'_> {
         let sensors = parse_sensors(&String::from_utf8_lossy(&bytes)).map_err(|e| {
             Error::Project { path: path.clone(), line: 0, column: 0, message: e.to_string() }
         })?;
+        let hash = hash_path(&path).map_err(read)?;
         Ok(PlannedView {
-            fuse: false,
-            both: false,
             name: t.name.clone(),
-            options: String::new(),
-            view: self.no_view()?,
-            annual,
-            series_bandwidth,
-            series_edges,
+            target: Target::Points(Points::File { hash, sensors, map }),
+            estimator: self.estimator(t)?,
+            series: SeriesKept::One,
             mantissa_bits: self.mantissa_bits(t)?,
-            points: Some(Points::File { hash: hash_path(&path).map_err(read)?, sensors, map }),
-            direct: t.estimator == "direct",
         })
     }
 

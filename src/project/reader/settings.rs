@@ -4,15 +4,19 @@ use std::collections::BTreeMap;
 use std::path::Path;
 
 use super::{Reader, view_file};
+use crate::base::Irradiance;
 use crate::base::limits::{self, EXACT_MANTISSA_BITS};
 use crate::bsdf::{Bsdf, BsdfFile};
 use crate::glare;
 use crate::project::error::Error;
 use crate::project::manifest::hash_path;
-use crate::project::resolve::{Candidate, Made, PlannedView};
-use crate::project::tables::MaterialTable;
+use crate::project::resolve::{Candidate, Made};
+use crate::project::tables::{MaterialTable, PhotonsTable};
 use crate::project::view_tables::ViewTable;
-use crate::render::{Estimator, Gather, Kernel, Quantity, View};
+use crate::project::views::{
+    Estimator, PhotonGather, Picture, PlannedView, SeriesKept, Sight, Target,
+};
+use crate::render::{self, Gather, Kernel, View};
 use crate::trace::{self, Receivers};
 
 impl Reader<'_> {
@@ -133,30 +137,42 @@ impl Reader<'_> {
                 t.name
             )));
         }
-        let Gathered { annual, series_bandwidth, series_edges } =
-            self.gathered(t, t.estimator == "direct")?;
+        let estimator = self.estimator(t)?;
         let (options, view) = self.camera(t, columns, rows)?;
         Ok(PlannedView {
             name: t.name.clone(),
-            options,
-            view,
-            annual,
-            fuse: t.fuse,
-            both: t.both_quantities,
-            series_bandwidth,
-            series_edges,
+            target: Target::Picture(Picture { options, size: [columns, rows], view }),
+            estimator,
+            series: match (t.fuse, t.both_quantities) {
+                (true, _) => SeriesKept::None,
+                (_, true) => SeriesKept::Both,
+                _ => SeriesKept::One,
+            },
             mantissa_bits: self.mantissa_bits(t)?,
-            points: None,
-            direct: t.estimator == "direct",
         })
     }
 
-    /// How a view's photons become irradiance. What is integrated directly has none: whatever its
-    /// keys say (they are checked all the same), the defaults stand for them.
-    pub(super) fn gathered(&self, t: &ViewTable, direct: bool) -> Result<Gathered, Error> {
+    /// How a view is computed. What is integrated directly has no photons: whatever its keys say of
+    /// them (they are checked all the same), none of it is kept.
+    pub(super) fn estimator(&self, t: &ViewTable) -> Result<Estimator, Error> {
+        let gather = self.gathered(t)?;
+        Ok(if t.estimator == "direct" {
+            Estimator::Direct(self.sight())
+        } else {
+            Estimator::Photons(gather)
+        })
+    }
+
+    pub(super) fn sight(&self) -> Sight {
+        let PhotonsTable { max_path_m, sun_visibility, .. } = self.project.photons;
+        Sight { max_path_m, sun_visibility }
+    }
+
+    /// How a view's photons become irradiance.
+    pub(super) fn gathered(&self, t: &ViewTable) -> Result<PhotonGather, Error> {
         let estimator = match t.estimator.as_str() {
-            "photons" | "direct" => Estimator::Photons,
-            "radiance" => Estimator::Radiance,
+            "photons" | "direct" => render::Estimator::Photons,
+            "radiance" => render::Estimator::Radiance,
             other => {
                 return Err(self.wrong(format!(
                     "view.{}.estimator: expected \"photons\", \"radiance\" or \"direct\", found \"{other}\"",
@@ -198,11 +214,8 @@ impl Reader<'_> {
             },
             edges: t.edges.unwrap_or(default.edges),
         };
-        if direct {
-            return Ok(Gathered::default());
-        }
         let (series_bandwidth, series_edges) = (t.series_bandwidth, t.series_edges == Some(true));
-        Ok(Gathered { annual, series_bandwidth, series_edges })
+        Ok(PhotonGather { annual, series_bandwidth, series_edges })
     }
 
     /// Bits of mantissa of a view's series.
@@ -222,7 +235,7 @@ impl Reader<'_> {
     pub fn unused_keys(&self) -> Result<Vec<String>, Error> {
         let p = self.project;
         let nobody = p.observer.is_empty() && p.region.is_empty();
-        let photons = self.receivers_by()? == Some(Estimator::Photons);
+        let photons = self.receivers_by()? == Some(render::Estimator::Photons);
         let mut out = Vec::new();
         for (i, t) in p.view.iter().enumerate() {
             // Observers and regions are gathered as the first view would be.
@@ -357,10 +370,10 @@ impl Reader<'_> {
         })
     }
 
-    pub fn quantity(&self) -> Result<Quantity, Error> {
+    pub fn quantity(&self) -> Result<Irradiance, Error> {
         match self.project.glare.quantity.as_str() {
-            "surface" => Ok(Quantity::Surface),
-            "normal" => Ok(Quantity::Normal),
+            "surface" => Ok(Irradiance::Surface),
+            "normal" => Ok(Irradiance::FacingBeam),
             other => Err(self.wrong(format!(
                 "glare.quantity: expected \"surface\" or \"normal\", found \"{other}\""
             ))),
@@ -404,14 +417,6 @@ impl Reader<'_> {
             ..glare::Settings::default()
         })
     }
-}
-
-/// How photons become the maps and the series of a view.
-#[derive(Default)]
-pub(super) struct Gathered {
-    pub annual: Gather,
-    pub series_bandwidth: Option<usize>,
-    pub series_edges: bool,
 }
 
 /// A `[[material]]`, ready to scatter.

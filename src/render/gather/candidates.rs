@@ -7,8 +7,8 @@
 
 use glam::Vec3;
 
-use super::estimate::Estimator;
-use super::loaded::{Light, Loaded};
+use super::estimator::Estimator;
+use super::photon_set::{Light, PhotonSet};
 
 /// Candidates that are looked at together.
 const LANES: usize = 16;
@@ -108,7 +108,7 @@ impl Candidates {
     /// Lists the photons within `radius_m` of a point.
     pub fn list(
         &mut self,
-        loaded: &Loaded,
+        loaded: &PhotonSet,
         centre: Vec3,
         radius_m: f32,
         accept: Option<&impl Fn(Vec3, Vec3) -> bool>,
@@ -154,7 +154,7 @@ impl Candidates {
     /// Finds what bounds the k nearest photons of `point`, exactly.
     pub fn bound(
         &mut self,
-        loaded: &Loaded,
+        loaded: &PhotonSet,
         point: Vec3,
         wanted: &Wanted,
         last: Option<Last>,
@@ -206,7 +206,7 @@ impl Candidates {
     /// those of the lowest index count. `None` where it isn't within bounds.
     fn select(
         &mut self,
-        loaded: &Loaded,
+        loaded: &PhotonSet,
         point: Vec3,
         count: usize,
         (least, most): (f32, f32),
@@ -242,7 +242,7 @@ impl Candidates {
 
     /// Calls `each` with what changed since the pixel before. Distances are those that were
     /// measured last.
-    pub fn changes(&mut self, loaded: &Loaded, bound: Bound, mut each: impl FnMut(Change<'_>)) {
+    pub fn changes(&mut self, loaded: &PhotonSet, bound: Bound, mut each: impl FnMut(Change<'_>)) {
         self.sort_out(loaded, bound);
         if std::mem::take(&mut self.anew) {
             each(Change::Anew);
@@ -265,7 +265,7 @@ impl Candidates {
     }
 
     /// Calls `each` for all photons within the bound, with the square of their distance.
-    pub fn all(&mut self, loaded: &Loaded, bound: Bound, mut each: impl FnMut(&Light, f32)) {
+    pub fn all(&mut self, loaded: &PhotonSet, bound: Bound, mut each: impl FnMut(&Light, f32)) {
         self.sort_out(loaded, bound);
         let lanes = self.inside.iter().zip(&self.distance2).zip(self.who.chunks(LANES));
         for ((&inside, distance2), who) in lanes {
@@ -279,7 +279,7 @@ impl Candidates {
     }
 
     /// Finds those within a bound.
-    fn sort_out(&mut self, loaded: &Loaded, bound: Bound) {
+    fn sort_out(&mut self, loaded: &PhotonSet, bound: Bound) {
         let Self { distance2, inside, who, ties, .. } = self;
         ties.clear();
         pulp::Arch::new().dispatch(|| nearer(distance2, bound.distance2_m2, inside, ties));

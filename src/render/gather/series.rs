@@ -1,30 +1,28 @@
+//! The time series: of each pixel, the irradiance of every timestep.
+//!
+//! A disc of its own for each timestep would be ideal and costs a search per timestep; with k
+//! photons of one sun in it, it would also be so large that shadows blur. As Radiance's `rcontrib`
+//! does, all suns share one disc: the k nearest photons of the whole year give one radius, and are
+//! summed by timestep. A pixel's sums are kept from its neighbour and changed by the photons that
+//! came and went; [`TileSeries`] keeps them, and puts a tile's entries in the order that a
+//! [`TileSink`] expects.
+
 use std::ops::Range;
-use std::sync::Mutex;
+use std::sync::{Mutex, PoisonError};
 
 use rayon::prelude::*;
 
-use super::annual::Gather;
-use super::annual::{Fluxes, weighed};
 use super::candidates::Change;
-use super::fixed::square;
-use super::loaded::Light;
-use super::share::{Beam, Found, Scratch, Shared, Spot};
+use super::error::Error;
+use super::flux::{Beam, Fluxes, Scale, square, weighed};
+use super::photon_set::Light;
+use super::settings::Gather;
+use super::share::{Found, Scratch, Shared};
 use super::surfaces::Surfaces;
-use crate::base::{Grid, Progress, SeriesEntry, TileSink};
+use crate::base::{Grid, Irradiance, Progress, SeriesEntry, TileSink};
 use crate::pages::Store;
-use crate::render::view::error::Error;
 use crate::render::view::hits::HitMap;
-use crate::render::view::order::Order;
-
-/// Which irradiance a series holds.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
-pub enum Quantity {
-    /// E, on the surface.
-    #[default]
-    Surface,
-    /// E_n, on a plane that faces each photon's beam.
-    Normal,
-}
+use crate::render::view::order::{Order, QueryPoint};
 
 /// What is known of a time series beside its numbers.
 #[derive(Clone, Debug, PartialEq)]
@@ -37,6 +35,23 @@ pub struct Series {
     pub photon_w_m2: Grid<f32>,
     /// Radius of the disc behind each pixel's series, m.
     pub radius_m: Grid<f32>,
+}
+
+impl Series {
+    /// Nothing met yet.
+    pub(in crate::render) fn empty(hits: &HitMap) -> Self {
+        let grid = || Grid::filled(hits.columns, hits.rows, 0.0);
+        Self { summary: SeriesSummary::default(), photon_w_m2: grid(), radius_m: grid() }
+    }
+
+    /// Adds what a tile gave.
+    pub(in crate::render) fn keep(&mut self, summary: &SeriesSummary, noise: &[Noise]) {
+        self.summary.add(summary);
+        for pixel in noise {
+            self.photon_w_m2.data_mut()[pixel.index] = pixel.photon_w_m2;
+            self.radius_m.data_mut()[pixel.index] = pixel.radius_m;
+        }
+    }
 }
 
 /// What was met while rendering a time series; only of tiles that were rendered now.
@@ -65,6 +80,15 @@ impl SeriesSummary {
         (self.lit_timesteps > 0).then(|| self.photons as f64 / self.lit_timesteps as f64)
     }
 
+    /// Counts a pixel.
+    pub(in crate::render) fn count(&mut self, made: &PixelSeries, floored: bool) {
+        self.pixels += 1;
+        self.lit_pixels += u64::from(made.lit > 0);
+        self.lit_timesteps += made.lit as u64;
+        self.photons += made.photons;
+        self.floored += u64::from(floored);
+    }
+
     pub(in crate::render) fn add(&mut self, other: &Self) {
         self.tiles_rendered += other.tiles_rendered;
         self.tiles_present += other.tiles_present;
@@ -74,6 +98,15 @@ impl SeriesSummary {
         self.photons += other.photons;
         self.floored += other.floored;
     }
+}
+
+/// What is known of a pixel's noise.
+#[derive(Clone, Copy, Debug)]
+pub(in crate::render) struct Noise {
+    /// Index of the pixel in the view.
+    pub index: usize,
+    pub photon_w_m2: f32,
+    pub radius_m: f32,
 }
 
 /// What a pixel's series was made of.
@@ -173,21 +206,29 @@ impl TileSeries {
         pixel: u16,
         found: &mut Found<'_>,
         fluxes: &Fluxes,
-        quantity: Quantity,
+        quantity: Irradiance,
     ) -> PixelSeries {
         let scale = fluxes.scale(quantity);
         let of = |light: &Light| match quantity {
-            Quantity::Surface => light.surface,
-            Quantity::Normal => light.normal,
+            Irradiance::Surface => light.surface,
+            Irradiance::FacingBeam => light.facing,
         };
         found.changes(|change| match change {
             Change::Anew => self.anew(),
             Change::In(light, kernel) => self.add(light.timestep, weighed(of(light), kernel)),
             Change::Out(light) => self.remove(light.timestep, of(light)),
         });
-        let area_m2 = found.disc.area_m2;
-        let value = |sum| (scale.value(sum) / area_m2) as f32;
-        let lit = self.end(pixel, value);
+        self.spread(pixel, scale, found.disc.area_m2)
+    }
+
+    /// Ends a pixel whose photons are spread over an area.
+    pub(in crate::render) fn spread(
+        &mut self,
+        pixel: u16,
+        scale: Scale,
+        area_m2: f64,
+    ) -> PixelSeries {
+        let lit = self.end(pixel, |sum| (scale.value(sum) / area_m2) as f32);
         let mean = scale.square_value(self.squares) / scale.value(self.sum).max(f64::MIN_POSITIVE);
         PixelSeries { photons: self.photons, lit, photon_w_m2: (mean / area_m2) as f32 }
     }
@@ -256,24 +297,24 @@ impl TileSeries {
 /// tiles at work. Without `surfaces` a disc is a disc wherever it lies.
 ///
 /// # Errors
-/// [`Error::Settings`], [`Error::Pages`], [`Error::Sink`], [`Error::Interrupted`].
+/// [`Error::View`]: settings, a sink that fails, interruption; [`Error::Pages`].
 pub fn series(
     store: &Store,
     surfaces: Option<&Surfaces<'_>>,
     hits: &HitMap,
     settings: &Gather,
-    quantity: Quantity,
+    quantity: Irradiance,
     sink: &dyn TileSink,
     progress: &dyn Progress,
 ) -> Result<Series, Error> {
     let shared = Shared::new(store, surfaces, settings)?;
     let fluxes = Fluxes::of(store, 1.0);
     let order = Order::of(hits);
-    let total = Mutex::new(Series {
-        summary: SeriesSummary::default(),
-        photon_w_m2: Grid::filled(hits.columns, hits.rows, 0.0),
-        radius_m: Grid::filled(hits.columns, hits.rows, 0.0),
-    });
+    let total = Mutex::new(Series::empty(hits));
+    // Tiles don't overlap: the lock decides who writes first, not what is written.
+    let keep = |summary: &SeriesSummary, noise: &[Noise]| {
+        total.lock().unwrap_or_else(PoisonError::into_inner).keep(summary, noise);
+    };
     progress.begin("time series", (hits.columns * hits.rows) as u64, "pixels");
     let integers = |beam: Beam| fluxes.integers_of(quantity, beam);
     order.tiles().par_iter().try_for_each_init(
@@ -283,33 +324,31 @@ pub fn series(
             let mut summary = SeriesSummary::default();
             tile_series.clear();
             noise.clear();
-            let spots = order.spots(tile);
+            let points = order.query_points(tile);
             let there = sink.has(tile);
             let noted = if there { sink.noted(tile) } else { None };
             if let Some(noted) = noted.filter(|n| n.len() >= 2 * tile.pixels()) {
                 let (photon, radius) = noted.split_at(tile.pixels());
-                let of = |spot: &Spot| {
-                    let pixel = usize::from(spot.pixel);
-                    (order.index(tile, spot.pixel), photon[pixel], radius[pixel])
+                let of = |point: &QueryPoint| {
+                    let pixel = usize::from(point.pixel);
+                    let index = order.index(tile, point.pixel);
+                    Noise { index, photon_w_m2: photon[pixel], radius_m: radius[pixel] }
                 };
-                noise.extend(spots.iter().map(of));
-                keep(&total, &SeriesSummary { tiles_present: 1, ..summary }, noise);
+                noise.extend(points.iter().map(of));
+                keep(&SeriesSummary { tiles_present: 1, ..summary }, noise);
                 progress.advance(tile.pixels() as u64);
                 return Ok(());
             }
             let mut notes = vec![0.0; 2 * tile.pixels()];
-            shared.tile(&spots, scratch, &integers, None, |spot, mut found| {
-                let made = tile_series.pixel(spot.pixel, &mut found, &fluxes, quantity);
+            shared.tile(&points, scratch, &integers, None, |point, mut found| {
+                let made = tile_series.pixel(point.pixel, &mut found, &fluxes, quantity);
                 let disc = &found.disc;
                 let radius_m = disc.radius_m as f32;
-                noise.push((order.index(tile, spot.pixel), made.photon_w_m2, radius_m));
-                notes[usize::from(spot.pixel)] = made.photon_w_m2;
-                notes[tile.pixels() + usize::from(spot.pixel)] = radius_m;
-                summary.pixels += 1;
-                summary.lit_pixels += u64::from(made.lit > 0);
-                summary.lit_timesteps += made.lit as u64;
-                summary.photons += made.photons;
-                summary.floored += u64::from(disc.floored);
+                let (index, photon_w_m2) = (order.index(tile, point.pixel), made.photon_w_m2);
+                noise.push(Noise { index, photon_w_m2, radius_m });
+                notes[usize::from(point.pixel)] = made.photon_w_m2;
+                notes[tile.pixels() + usize::from(point.pixel)] = radius_m;
+                summary.count(&made, disc.floored);
             })?;
             sink.note(tile, &notes)?;
             if there {
@@ -318,24 +357,13 @@ pub fn series(
                 sink.put(tile, tile_series.sorted())?;
                 summary.tiles_rendered = 1;
             }
-            keep(&total, &summary, noise);
+            keep(&summary, noise);
             progress.advance(tile.pixels() as u64);
             Ok::<(), Error>(())
         },
     )?;
     progress.finish();
-    Ok(total.into_inner().unwrap_or_else(std::sync::PoisonError::into_inner))
-}
-
-/// Adds what a tile gave. Tiles don't overlap: the lock decides who writes first, not what is
-/// written.
-fn keep(total: &Mutex<Series>, summary: &SeriesSummary, noise: &[(usize, f32, f32)]) {
-    let mut all = total.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
-    all.summary.add(summary);
-    for &(index, photon_w_m2, radius_m) in noise {
-        all.photon_w_m2.data_mut()[index] = photon_w_m2;
-        all.radius_m.data_mut()[index] = radius_m;
-    }
+    Ok(total.into_inner().unwrap_or_else(PoisonError::into_inner))
 }
 
 #[cfg(test)]

@@ -1,10 +1,28 @@
 //! The photons of a tile's pixels: loaded once for neighbours, exact for each.
 //!
-//! A tile's pixels, in the Morton order of what they show, are cut into groups that lie so close
-//! together that loading all their photons at once costs less than searching for each. How far
-//! the group has to reach is guessed from the pixel in its middle; pixels whose k photons lie
-//! farther are done again with a longer reach. Neither groups nor guesses show in the result of an open surface;
-//! along its edges they decide where the raster of [`super::surfaces`] lies.
+//! The problem: a map has a hundred thousand query points, each of which asks for its k nearest
+//! photons (400, or 50,000 for a series). A search of the store for each reads the same pages again
+//! and again, and tests most photons once for every point around them.
+//!
+//! The idea: points that lie close together have nearly the same neighbours.
+//!
+//! 1. **Groups.** A tile's pixels, in the Morton order of what they show, are halved until loading
+//!    all photons of a group at once costs less than a search for each point ([`Shared::tile`]).
+//!    How far the group has to reach is guessed from the point in its middle; points whose k
+//!    photons lie farther go round again with a longer reach.
+//! 2. **Planes and pieces** (`group.rs`). Points of a group on one plane share a raster of where
+//!    their surface ends ([`super::surfaces`]), and those on one piece of it the photons there.
+//! 3. **Candidates** ([`super::candidates`]). Neighbours on a piece share a list of photons; each
+//!    point only says which of them came and went since the point before, so that sums are changed
+//!    instead of made anew.
+//!
+//! Sums are of integers ([`super::flux`]), so their order doesn't matter: neither groups nor
+//! guesses show in the result on an open surface, and a twin in the tests searches for every point
+//! alone. Along the edges of a surface they decide where the raster lies.
+//!
+//! What would do worse: a grid of cells with the photons of each (flat discs at roof edges reach across ten
+//! cells, and its size fits only one density), and one list of candidates for a whole tile (a tile
+//! that shows a gable and the street behind it has two far-apart sets of neighbours).
 
 mod group;
 
@@ -13,14 +31,17 @@ use std::ops::Range;
 
 use glam::Vec3;
 
-use super::annual::Gather;
+use self::group::{Known, Sorted, Todo};
 use super::candidates::{Answer, Bound, Candidates, Change, Last, Wanted};
-use super::estimate::{Kernel, MIN_RADIUS_M};
-use super::loaded::{Light, Loaded};
+use super::error::Error;
+use super::estimator::{Kernel, MIN_RADIUS_M};
+use super::flux::Beam;
+use super::photon_set::{Light, PhotonSet};
+use super::settings::Gather;
 use super::surfaces::{Mask, Plane, Surfaces, Tolerance};
 use crate::base::Aabb;
 use crate::pages::{ALWAYS, Neighbour, Neighbours, Query, Store};
-use crate::render::view::error::Error;
+use crate::render::view::order::QueryPoint;
 
 /// How much farther than its middle pixel a group looks.
 const AHEAD: f32 = 1.5;
@@ -50,24 +71,6 @@ const PLANE_STEP_M: f32 = 0.01;
 /// Smallest share of a disc that counts as its area: on less than that nothing can be measured.
 const LEAST_SHARE: f64 = 1.0 / 64.0;
 
-/// What of a photon becomes irradiance.
-#[derive(Clone, Copy, Debug)]
-pub(in crate::render) struct Beam {
-    pub flux_w: f32,
-    /// Cosine of incidence.
-    pub cos: f32,
-    pub timestep: u32,
-}
-
-/// A pixel on a surface.
-#[derive(Clone, Copy, Debug)]
-pub(in crate::render) struct Spot {
-    /// Which pixel of the tile.
-    pub pixel: u16,
-    pub position: Vec3,
-    pub normal: Vec3,
-}
-
 /// A box that reaches farther on all sides.
 fn grown(around: Aabb, reach_m: f32) -> Aabb {
     let reach = Vec3::splat(reach_m);
@@ -79,7 +82,7 @@ fn wider(reach_m: f32) -> f32 {
     reach_m * 1.0002 + 1e-4
 }
 
-fn around<'s>(group: impl Iterator<Item = &'s Spot>) -> Aabb {
+fn around<'s>(group: impl Iterator<Item = &'s QueryPoint>) -> Aabb {
     Aabb::around(group.map(|s| s.position))
 }
 
@@ -93,7 +96,7 @@ struct Reach {
 }
 
 impl Reach {
-    fn of(group: &[Spot], reach_m: f32, tolerance: Tolerance) -> Self {
+    fn of(group: &[QueryPoint], reach_m: f32, tolerance: Tolerance) -> Self {
         let (around, wide_m) = (around(group.iter()), wider(reach_m));
         let alone = (group.len() == 1).then(|| (group[0].normal, tolerance.normal_cos));
         Self { region: grown(around, wide_m), around, wide_m, alone }
@@ -120,7 +123,7 @@ pub(in crate::render) struct Disc {
 /// A disc and what lies in it.
 pub(in crate::render) struct Found<'a> {
     pub disc: Disc,
-    loaded: &'a Loaded,
+    loaded: &'a PhotonSet,
     candidates: &'a mut Candidates,
 }
 
@@ -140,11 +143,25 @@ impl Found<'_> {
     }
 }
 
+/// Query points of a tile, by number, that load their photons together.
+#[derive(Clone, Debug)]
+struct Group {
+    numbers: Vec<u32>,
+    /// How far the photons reach that were loaded for it, m.
+    reach_m: f32,
+}
+
+/// Query points that are still to be answered, and how far to reach, if that is known.
+struct Job {
+    numbers: Vec<u32>,
+    reach_m: Option<f32>,
+}
+
 /// What was done for a tile, so that it can be done again for other timesteps.
 #[derive(Clone, Debug, Default)]
 pub(in crate::render) struct Recorded {
-    groups: Vec<(Vec<u32>, f32)>,
-    /// For each spot its disc and the group that found it.
+    groups: Vec<Group>,
+    /// For each point its disc and the group that found it.
     discs: Vec<Option<(Disc, u32)>>,
 }
 
@@ -152,14 +169,14 @@ pub(in crate::render) struct Recorded {
 #[derive(Default)]
 pub(in crate::render) struct Scratch {
     pilot: Neighbours,
-    loaded: Loaded,
-    own: Loaded,
-    tile: Loaded,
+    loaded: PhotonSet,
+    own: PhotonSet,
+    tile: PhotonSet,
     candidates: Candidates,
     mask: Mask,
     places: Vec<Vec3>,
-    todo: Vec<(u32, Option<Disc>)>,
-    keyed: Vec<([u32; 3], i32, u32)>,
+    todo: Vec<Todo>,
+    sorted: Vec<Sorted>,
 }
 
 /// Finds the photons of pixels.
@@ -188,38 +205,39 @@ impl<'a> Shared<'a> {
         })
     }
 
-    /// Calls `each` with the disc and the candidates of every spot. `value` turns photons into
+    /// Calls `each` with the disc and the candidates of every point. `value` turns photons into
     /// what is summed.
     pub fn tile(
         &self,
-        spots: &[Spot],
+        points: &[QueryPoint],
         scratch: &mut Scratch,
         value: &impl Fn(Beam) -> [i64; 2],
         recorded: Option<&mut Recorded>,
-        mut each: impl FnMut(&Spot, Found<'_>),
+        mut each: impl FnMut(&QueryPoint, Found<'_>),
     ) -> Result<(), Error> {
-        let mut jobs = vec![((0..spots.len() as u32).collect::<Vec<u32>>(), None)];
-        let mut record = Recorded { groups: Vec::new(), discs: vec![None; spots.len()] };
-        while let Some((numbers, reach_m)) = jobs.pop() {
+        let mut jobs = vec![Job { numbers: (0..points.len() as u32).collect(), reach_m: None }];
+        let mut record = Recorded { groups: Vec::new(), discs: vec![None; points.len()] };
+        while let Some(Job { numbers, reach_m }) = jobs.pop() {
             if numbers.is_empty() {
                 continue;
             }
             let middle = numbers.len() / 2;
-            let halves = |jobs: &mut Vec<(Vec<u32>, Option<f32>)>, reach_m| {
-                jobs.push((numbers[middle..].to_vec(), reach_m));
-                jobs.push((numbers[..middle].to_vec(), reach_m));
+            let halves = |jobs: &mut Vec<Job>, reach_m| {
+                jobs.push(Job { numbers: numbers[middle..].to_vec(), reach_m });
+                jobs.push(Job { numbers: numbers[..middle].to_vec(), reach_m });
             };
-            let group: Vec<Spot> = numbers.iter().map(|&n| spots[n as usize]).collect();
+            let group: Vec<QueryPoint> = numbers.iter().map(|&n| points[n as usize]).collect();
             let reach_m = match reach_m {
                 Some(reach_m) => reach_m,
                 None => {
                     if group.len() <= FEW && self.is_open() {
-                        for (&number, spot) in numbers.iter().zip(&group) {
-                            let found = self.alone(spot, scratch, value)?;
+                        for (&number, point) in numbers.iter().zip(&group) {
+                            let found = self.alone(point, scratch, value)?;
                             let by = record.groups.len() as u32;
                             record.discs[number as usize] = Some((found.disc, by));
-                            record.groups.push((vec![number], found.disc.bound.reach_m()));
-                            each(spot, found);
+                            let reach_m = found.disc.bound.reach_m();
+                            record.groups.push(Group { numbers: vec![number], reach_m });
+                            each(point, found);
                         }
                         continue;
                     }
@@ -245,11 +263,12 @@ impl<'a> Shared<'a> {
                 }
                 None => failed.push(numbers[at]),
             };
-            self.group(&group, reach_m, scratch, |_| None, &mut answer);
-            record.groups.push((numbers, reach_m));
+            self.group(&group, reach_m, scratch, |_| Known::Nothing, &mut answer);
+            record.groups.push(Group { numbers, reach_m });
             // What didn't find enough looks farther, still together, in the order of the tile.
             failed.sort_unstable();
-            jobs.push((failed, Some((reach_m * FARTHER).min(self.max_radius_m))));
+            let farther_m = (reach_m * FARTHER).min(self.max_radius_m);
+            jobs.push(Job { numbers: failed, reach_m: Some(farther_m) });
         }
         if let Some(out) = recorded {
             *out = record;
@@ -274,15 +293,16 @@ impl<'a> Shared<'a> {
     /// Does again what was recorded, for the photons of some timesteps.
     pub fn again(
         &self,
-        spots: &[Spot],
+        points: &[QueryPoint],
         scratch: &mut Scratch,
         value: &impl Fn(Beam) -> [i64; 2],
         (recorded, timesteps): (&Recorded, &Range<u32>),
-        mut each: impl FnMut(&Spot, Found<'_>),
+        mut each: impl FnMut(&QueryPoint, Found<'_>),
     ) -> Result<(), Error> {
         // Groups of a tile look at much the same photons: few timesteps are read once for all.
-        let reached = |(numbers, reach_m): &(Vec<u32>, f32)| {
-            grown(around(numbers.iter().map(|&n| &spots[n as usize])), wider(*reach_m))
+        let reached = |group: &Group| {
+            let members = group.numbers.iter().map(|&n| &points[n as usize]);
+            grown(around(members), wider(group.reach_m))
         };
         let region = recorded.groups.iter().map(reached).reduce(|all, one| all.union(one));
         let mut tile = std::mem::take(&mut scratch.tile);
@@ -293,8 +313,8 @@ impl<'a> Shared<'a> {
             }
             None => false,
         };
-        for (number, (numbers, reach_m)) in recorded.groups.iter().enumerate() {
-            let group: Vec<Spot> = numbers.iter().map(|&n| spots[n as usize]).collect();
+        for (number, Group { numbers, reach_m }) in recorded.groups.iter().enumerate() {
+            let group: Vec<QueryPoint> = numbers.iter().map(|&n| points[n as usize]).collect();
             if whole {
                 let reach = Reach::of(&group, *reach_m, self.tolerance);
                 scratch.loaded.take_in(&tile, reach.region, |p, n| reach.holds(p, n));
@@ -303,8 +323,8 @@ impl<'a> Shared<'a> {
                 continue;
             }
             let known = |at: usize| match recorded.discs[numbers[at] as usize] {
-                Some((disc, by)) if by as usize == number => Some(Some(disc)),
-                _ => Some(None),
+                Some((disc, by)) if by as usize == number => Known::Disc(disc),
+                _ => Known::Elsewhere,
             };
             let mut answer = |at: usize, found: Option<Found<'_>>| {
                 if let Some(found) = found {
@@ -322,7 +342,7 @@ impl<'a> Shared<'a> {
     }
 
     /// Whether a group is better off together.
-    fn worth(&self, group: &[Spot], reach_m: f32, found: usize) -> Result<bool, Error> {
+    fn worth(&self, group: &[QueryPoint], reach_m: f32, found: usize) -> Result<bool, Error> {
         let around = Aabb::around(group.iter().map(|s| s.position));
         let extent = around.size().max_element();
         if self.surfaces.is_some() && extent > MOST_REACHES * reach_m {
@@ -338,19 +358,19 @@ impl<'a> Shared<'a> {
         self.surfaces.is_none() && self.gather.is_open()
     }
 
-    fn query(&self, spot: &Spot) -> Query {
+    fn query(&self, point: &QueryPoint) -> Query {
         Query {
-            point: spot.position,
-            normal: spot.normal,
+            point: point.position,
+            normal: point.normal,
             count: self.gather.bandwidth,
             max_radius_m: self.max_radius_m,
         }
     }
 
     /// Radius that a pixel needs on an open surface, m, and the photons within.
-    fn pilot(&self, spot: &Spot, scratch: &mut Scratch) -> Result<(f32, usize), Error> {
+    fn pilot(&self, point: &QueryPoint, scratch: &mut Scratch) -> Result<(f32, usize), Error> {
         let found = &mut scratch.pilot;
-        self.store.nearest(&self.query(spot), found)?;
+        self.store.nearest(&self.query(point), found)?;
         let radius_m = match found.farthest().filter(|_| found.full()) {
             Some(at) => found.items()[at].distance2_m2.sqrt().max(MIN_RADIUS_M as f32),
             None => self.max_radius_m,
@@ -361,18 +381,18 @@ impl<'a> Shared<'a> {
     /// The disc of a pixel on an open surface, by a search of its own.
     fn alone<'s>(
         &self,
-        spot: &Spot,
+        point: &QueryPoint,
         scratch: &'s mut Scratch,
         value: &impl Fn(Beam) -> [i64; 2],
     ) -> Result<Found<'s>, Error> {
         let Scratch { pilot: found, loaded, candidates, .. } = scratch;
-        self.store.nearest(&self.query(spot), found)?;
+        self.store.nearest(&self.query(point), found)?;
         loaded.clear();
         for n in found.items() {
             let beam = Beam { flux_w: n.flux_w, cos: n.cos, timestep: n.timestep };
             let [e, e_n] = value(beam);
-            let light = Light { surface: e, normal: e_n, index: n.index, timestep: n.timestep };
-            loaded.push(spot.position, spot.normal, light);
+            let light = Light { surface: e, facing: e_n, index: n.index, timestep: n.timestep };
+            loaded.push(point.position, point.normal, light);
         }
         candidates.found(found.items().iter().map(|n| n.distance2_m2));
         let bound = match found.farthest().filter(|_| found.full()) {
@@ -392,7 +412,7 @@ impl<'a> Shared<'a> {
     /// Loads the photons of some timesteps within reach of a group; false where they are too many.
     fn load(
         &self,
-        group: &[Spot],
+        group: &[QueryPoint],
         (reach_m, timesteps): (f32, &Range<u32>),
         scratch: &mut Scratch,
         value: &impl Fn(Beam) -> [i64; 2],
@@ -409,7 +429,7 @@ impl<'a> Shared<'a> {
         (region, timesteps): (Aabb, &Range<u32>),
         most: usize,
         accept: impl Fn(Vec3, Vec3) -> bool,
-        (out, value): (&mut Loaded, &impl Fn(Beam) -> [i64; 2]),
+        (out, value): (&mut PhotonSet, &impl Fn(Beam) -> [i64; 2]),
     ) -> Result<bool, Error> {
         out.clear();
         let mut too_many = false;
@@ -421,8 +441,8 @@ impl<'a> Shared<'a> {
                 }
                 let timestep = light.timestep;
                 let beam = Beam { flux_w: light.flux_w, cos: light.cos, timestep };
-                let [surface, by_normal] = value(beam);
-                out.push(position, normal, Light { surface, normal: by_normal, index, timestep });
+                let [surface, facing] = value(beam);
+                out.push(position, normal, Light { surface, facing, index, timestep });
             }
             true
         })?;

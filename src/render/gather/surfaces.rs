@@ -8,7 +8,7 @@
 
 use glam::{Vec2, Vec3, vec2};
 
-use super::estimate::Kernel;
+use super::estimator::Kernel;
 use crate::base::{Aabb, Frame};
 use crate::render::view::order::code;
 use crate::site::Site;

@@ -1,14 +1,21 @@
+//! The daylight background behind the maps: where is what, for a planner's eye.
+//!
+//! It answers no physical question, so it may be cheap: some suns that stand for the year, a simple
+//! sky, the materials' colours, one reflection. Two passes: the first gathers the sky's light with
+//! few rays a pixel, of which neighbouring pixels of one surface share theirs out in the second
+//! ("interleaved sampling", Keller and Heidrich 2001); edges get more rays.
+
 use glam::{DVec3, Vec3};
 use rayon::prelude::*;
-use std::f64::consts::PI;
 
 use super::palette::{self, Palette};
+use super::sky_directions::directions;
 use crate::base::{Frame, Grid, Progress, Timeline};
 use crate::render::view::camera::{Projection, View, ViewRay};
 use crate::render::view::error::Error;
 use crate::render::view::hits::first_surface;
 use crate::render::view::hits::{Hit, HitKind, HitMap};
-use crate::render::view::seen::LIFT_M;
+use crate::render::view::pv_visibility::LIFT_M;
 use crate::site::Site;
 
 /// Sky directions of one pixel, and pixels of a square whose edge is [`SQUARE`] that share them
@@ -72,7 +79,7 @@ pub fn background(
         site,
         suns: Suns::new(suns),
         palette: Palette::of(site),
-        sky: sky_directions(),
+        sky: directions(SKY_RAYS * SQUARE * SQUARE).map(|d| d.as_vec3()).collect(),
     };
     progress.begin("background", 2 * (columns * rows) as u64, "pixels");
     let each_row = |out: &mut [Vec3], row: usize, one: &(dyn Fn(usize, usize) -> Vec3 + Sync)| {
@@ -117,20 +124,6 @@ impl Suns {
     }
 }
 
-/// Directions over the hemisphere, cosine weighted: a spiral of equal areas on the disc, lifted.
-fn sky_directions() -> Vec<Vec3> {
-    let count = SKY_RAYS * SQUARE * SQUARE;
-    let golden = PI * (3.0 - 5.0f64.sqrt());
-    (0..count)
-        .map(|i| {
-            let r2 = (i as f64 + 0.5) / count as f64;
-            let angle = golden * i as f64;
-            let r = r2.sqrt();
-            DVec3::new(r * libm::cos(angle), r * libm::sin(angle), (1.0 - r2).sqrt()).as_vec3()
-        })
-        .collect()
-}
-
 struct Painter<'a> {
     view: &'a View,
     hits: &'a HitMap,
@@ -140,8 +133,8 @@ struct Painter<'a> {
     sky: Vec<Vec3>,
 }
 
-/// A place to be painted.
-struct Spot {
+/// A point of a surface that is to be painted.
+struct SurfacePoint {
     position: Vec3,
     normal: Vec3,
     face: u32,
@@ -209,14 +202,14 @@ impl Painter<'_> {
             HitKind::Clipped => palette::PAPER,
             HitKind::Sky => self.nothing(&ray),
             _ => {
-                let spot = Spot {
+                let point = SurfacePoint {
                     position: hit.position,
                     normal: hit.normal,
                     face: hit.face,
                     distance_m: (hit.position.as_dvec3() - ray.origin).length() as f32,
                     toward: ray.direction.as_vec3(),
                 };
-                self.shade(&spot, self.shared_sky(raw, column, row))
+                self.shade(&point, self.shared_sky(raw, column, row))
             }
         }
     }
@@ -227,7 +220,7 @@ impl Painter<'_> {
         let Some(met) = first_surface(self.site, &ray) else {
             return if ray.limit_m.is_finite() { palette::PAPER } else { self.nothing(&ray) };
         };
-        let spot = Spot {
+        let point = SurfacePoint {
             position: met.position.as_vec3(),
             normal: met.normal,
             face: self.site.triangles[met.triangle as usize].face,
@@ -236,52 +229,52 @@ impl Painter<'_> {
         };
         // The sky's light changes slowly: take it from a pixel nearby on the same plane.
         let like = Hit {
-            position: spot.position,
-            normal: spot.normal,
-            face: spot.face,
+            position: point.position,
+            normal: point.normal,
+            face: point.face,
             ..Hit::nothing(HitKind::Hidden)
         };
         let (column, row) = (x as usize, y as usize);
         for r in row.saturating_sub(1)..=(row + 1).min(raw.rows() - 1) {
             for c in column.saturating_sub(1)..=(column + 1).min(raw.columns() - 1) {
                 if same_plane(&like, self.hits.at(c, r)) {
-                    return self.shade(&spot, self.shared_sky(raw, c, r));
+                    return self.shade(&point, self.shared_sky(raw, c, r));
                 }
             }
         }
         let share = (row % SQUARE) * SQUARE + column % SQUARE;
-        let sky = self.sky_at(spot.position, spot.normal, share);
-        self.shade(&spot, sky)
+        let sky = self.sky_at(point.position, point.normal, share);
+        self.shade(&point, sky)
     }
 
-    fn shade(&self, spot: &Spot, sky: Vec3) -> Vec3 {
-        let from = spot.position + spot.normal * LIFT_M;
+    fn shade(&self, point: &SurfacePoint, sky: Vec3) -> Vec3 {
+        let from = point.position + point.normal * LIFT_M;
         let mut sun = 0.0;
         for &(direction, irradiance) in &self.suns.suns {
-            let cos = spot.normal.dot(direction);
+            let cos = point.normal.dot(direction);
             if cos > 0.0 && !self.site.bvh.occluded(from, direction, 0.0, f32::INFINITY) {
                 sun += cos * irradiance;
             }
         }
         let light = palette::SUN * (SUN_PART * sun) + sky;
-        let seen = match self.palette.reflectance(spot.face, spot.normal) {
+        let seen = match self.palette.reflectance(point.face, point.normal) {
             Some(reflectance) => reflectance * light,
-            None => self.glass(spot, light),
+            None => self.glass(point, light),
         };
         if self.view.projection() == Projection::Parallel {
             return seen;
         }
         // A little haze tells near from far.
-        let haze = 1.0 - libm::expf(-spot.distance_m / 3000.0);
+        let haze = 1.0 - libm::expf(-point.distance_m / 3000.0);
         seen.lerp(palette::sky(Vec3::X), haze)
     }
 
     /// PV: dark blue under glass that mirrors the sky, more so at grazing angles (Schlick 1994).
-    fn glass(&self, spot: &Spot, light: Vec3) -> Vec3 {
-        let cos = (-spot.toward.dot(spot.normal)).clamp(0.0, 1.0);
+    fn glass(&self, point: &SurfacePoint, light: Vec3) -> Vec3 {
+        let cos = (-point.toward.dot(point.normal)).clamp(0.0, 1.0);
         let gap = 1.0 - cos;
         let mirrored = 0.04 + 0.96 * gap * gap * gap * gap * gap;
-        let mirror = spot.toward + spot.normal * (2.0 * cos);
+        let mirror = point.toward + point.normal * (2.0 * cos);
         palette::PV * light + palette::sky(mirror) * mirrored.min(0.6)
     }
 

@@ -3,5 +3,6 @@
 pub(in crate::render) mod background;
 pub mod moment;
 pub(in crate::render) mod palette;
+mod sky_directions;
 
 pub use background::{background, representative_suns};

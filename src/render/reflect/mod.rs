@@ -1,5 +1,5 @@
-//! The integral over the PV, without photons: for the pixels of a view ([`direct_series`]), for eyes
-//! ([`eye`]), and for the mirror rule of the authorities ([`MirrorRule`]).
+//! The integral over the PV, without photons: for the pixels of a view ([`direct_series`]), for
+//! eyes ([`eye`]), and for the mirror rule of the authorities ([`MirrorRule`]).
 
 pub(in crate::render) mod direct;
 pub mod eye;

@@ -1,3 +1,8 @@
+//! Rays through pixels, for each of Radiance's six projections.
+//!
+//! A picture of ours must lie on top of one by `rpict`, so the formulas, their limits and even the
+//! tolerance follow Radiance's `image.c` and `vwrays`; tests compare ray by ray.
+
 use glam::{DVec3, dvec3};
 use libm::{acos, atan2, cos, sin, tan};
 use std::f64::consts::PI;

@@ -1,5 +1,4 @@
 use crate::base::{FaultKind, Interrupted, SinkError};
-use crate::pages;
 
 /// Why a view can't be rendered.
 #[derive(Debug, thiserror::Error)]
@@ -20,7 +19,7 @@ pub enum Error {
         /// What doesn't hold and what to do.
         what: String,
     },
-    /// The settings of the gather make no sense.
+    /// A setting of the estimator makes no sense.
     #[error("{what}")]
     Settings {
         /// What was expected, what was found.
@@ -32,9 +31,6 @@ pub enum Error {
         /// Which lines, what was expected, what was found.
         what: String,
     },
-    /// The photon store could not be read.
-    #[error("the photon store can't be read")]
-    Pages(#[from] pages::Error),
     /// The file of hits could not be read or written.
     #[error("the file of hits can't be used")]
     Hits(#[from] glintmap_formats::hits::Error),
@@ -52,7 +48,6 @@ impl Error {
         match self {
             Self::ViewWord { .. } | Self::View { .. } => FaultKind::Input,
             Self::Settings { .. } | Self::Sensors { .. } => FaultKind::Input,
-            Self::Pages(e) => e.kind(),
             Self::Hits(e) if e.is_damage() => FaultKind::Damaged,
             Self::Hits(_) | Self::Sink(_) => FaultKind::Failed,
             Self::Interrupted(_) => FaultKind::Interrupted,

@@ -1,3 +1,10 @@
+//! What every pixel of a view sees first; written once, read by every estimator.
+//!
+//! Shooting the rays once has two reasons: photons, direct integration and pictures then mean the
+//! same places, and a view can be resumed without the scene. A hit's place is computed anew in f64
+//! from the triangle's plane, as a ray from far away would otherwise miss its surface by
+//! millimetres.
+
 use std::path::Path;
 
 use glam::{DVec3, Vec3};
@@ -6,7 +13,7 @@ use rayon::prelude::*;
 
 use super::camera::{View, ViewRay};
 use super::error::Error;
-use super::seen::SeenPv;
+use super::pv_visibility::PvVisibility;
 use crate::base::{Progress, Provenance};
 use crate::site::{RayHit, Site};
 
@@ -237,7 +244,7 @@ pub fn hits(
     progress: &dyn Progress,
 ) -> Result<HitMap, Error> {
     let (columns, rows) = (view.columns(), view.rows());
-    let seen = SeenPv::spread(site, seed);
+    let seen = PvVisibility::spread(site, seed);
     let mut all = vec![Hit::nothing(HitKind::Sky); columns * rows];
     progress.begin("hits", (columns * rows) as u64, "pixels");
     all.par_chunks_mut(columns).enumerate().try_for_each(|(row, line)| {
@@ -252,7 +259,14 @@ pub fn hits(
     Ok(HitMap { columns, rows, hits: all })
 }
 
-fn one(view: &View, site: &Site, seen: &SeenPv, max_path_m: f64, column: usize, row: usize) -> Hit {
+fn one(
+    view: &View,
+    site: &Site,
+    seen: &PvVisibility,
+    max_path_m: f64,
+    column: usize,
+    row: usize,
+) -> Hit {
     let Some(ray) = view.ray(column, row) else {
         return Hit::nothing(HitKind::Clipped);
     };

@@ -1,8 +1,18 @@
 use glam::Vec3;
 
 use super::hits::HitMap;
+use crate::base::morton::{LEVELS, interleave};
 use crate::base::{Aabb, TileRect, limits, tiles};
-use crate::render::gather::share::Spot;
+
+/// A pixel of a tile as a point that asks what arrives there.
+#[derive(Clone, Copy, Debug)]
+pub(in crate::render) struct QueryPoint {
+    /// Which pixel of the tile.
+    pub pixel: u16,
+    pub position: Vec3,
+    /// Unit normal of the side that is asked about.
+    pub normal: Vec3,
+}
 
 /// The tiles of a view and the order in which they are rendered: by the Morton codes of what they
 /// show, so that tiles rendered one after the other ask for the same pages of the photon store.
@@ -48,12 +58,12 @@ impl<'a> Order<'a> {
     }
 
     /// The same with what they show.
-    pub(in crate::render) fn spots(&self, tile: TileRect) -> Vec<Spot> {
-        let spot = |pixel| {
+    pub(in crate::render) fn query_points(&self, tile: TileRect) -> Vec<QueryPoint> {
+        let query_point = |pixel| {
             let hit = &self.hits.hits[self.index(tile, pixel)];
-            Spot { pixel, position: hit.position, normal: hit.normal }
+            QueryPoint { pixel, position: hit.position, normal: hit.normal }
         };
-        self.pixels(tile).into_iter().map(spot).collect()
+        self.pixels(tile).into_iter().map(query_point).collect()
     }
 
     /// Index of a tile's pixel in the view.
@@ -84,32 +94,14 @@ pub(in crate::render) fn code(bounds: &Aabb, place: Vec3) -> u64 {
     if !size.is_finite() || size <= 0.0 {
         return 0;
     }
-    let cell = (place - bounds.min) * (((1u32 << 21) - 1) as f32 / size);
-    spread(cell.x as u64) | spread(cell.y as u64) << 1 | spread(cell.z as u64) << 2
-}
-
-/// Puts two zeros behind each of the lower 21 bits.
-fn spread(value: u64) -> u64 {
-    let mut v = value & 0x1f_ffff;
-    v = (v | v << 32) & 0x001f_0000_0000_ffff;
-    v = (v | v << 16) & 0x001f_0000_ff00_00ff;
-    v = (v | v << 8) & 0x100f_00f0_0f00_f00f;
-    v = (v | v << 4) & 0x10c3_0c30_c30c_30c3;
-    (v | v << 2) & 0x1249_2492_4924_9249
+    let cell = (place - bounds.min) * (((1u32 << LEVELS) - 1) as f32 / size);
+    interleave(cell.x as u64, cell.y as u64, cell.z as u64)
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::render::view::hits::{Hit, HitKind};
-
-    #[test]
-    fn bits_are_spread_as_one_by_one() {
-        for v in [0u64, 1, 2, 0x15_5555, 0x1f_ffff, 0x12_3456] {
-            let slow = (0..21).fold(0u64, |out, bit| out | (v >> bit & 1) << (3 * bit));
-            assert_eq!(spread(v), slow);
-        }
-    }
 
     #[test]
     fn every_tile_and_every_receiving_pixel_comes_once() {

@@ -2,7 +2,7 @@
 
 use glam::{DVec3, Vec3};
 
-use super::seen::SeenPv;
+use super::pv_visibility::PvVisibility;
 use super::sensors::Sensor;
 use crate::base::Aabb;
 use crate::site::Site;
@@ -21,7 +21,7 @@ pub struct Sample {
 /// or both do. A face that no lattice point meets gets one sample in its largest triangle. PV is
 /// left out. The samples of a face stand for equal parts of its area.
 pub fn sample_objects(site: &Site, objects: &[u32], spacing_m: f64, seed: u64) -> Vec<Sample> {
-    let seen = SeenPv::spread(site, seed);
+    let seen = PvVisibility::spread(site, seed);
     let wanted: std::collections::BTreeSet<u32> = objects.iter().copied().collect();
     let mut by_face: std::collections::BTreeMap<u32, Vec<u32>> = std::collections::BTreeMap::new();
     for (t, triangle) in site.triangles.iter().enumerate() {

@@ -5,8 +5,8 @@ use glam::DVec3;
 
 use super::error::Error;
 use super::hits::{Hit, HitKind, HitMap};
-use super::seen::SeenPv;
-use crate::base::{Gate, limits};
+use super::pv_visibility::{PvInView, PvVisibility};
+use crate::base::{VirtualSensor, limits};
 use crate::site::Site;
 
 /// A sensor counts as lying on a surface within this distance, m: terrain and walls of city models
@@ -33,19 +33,8 @@ pub enum Footing {
     Surface,
     /// The PV itself: photons don't land on what sends them.
     Pv,
-    /// Nothing: photons pass, and are counted where they cross a [`Gate`].
+    /// Nothing: photons pass, and are counted where they cross a [`VirtualSensor`].
     Air,
-}
-
-/// What a point sees of the PV, by the 64 points that are tested on it.
-#[derive(Clone, Copy, Debug, Default, PartialEq, serde::Serialize, serde::Deserialize)]
-pub struct PvInView {
-    /// Distance to the nearest visible one, m.
-    pub nearest_m: f64,
-    /// Largest angle between two visible ones, degrees.
-    pub widest_deg: f64,
-    /// Solid angle of the visible share of the PV, sr.
-    pub solid_angle_sr: f64,
 }
 
 /// The sensors of a set, checked against the scene.
@@ -122,7 +111,7 @@ fn sensor(line: &str) -> Result<Sensor, String> {
 /// the photons there are found. In the hits all others are [`HitKind::Clipped`] (or
 /// [`HitKind::Pv`]): no photons are looked for on surfaces there, and `footing` says why.
 pub fn place(sensors: &[Sensor], site: &Site, max_path_m: f64, seed: u64) -> Placed {
-    let seen = SeenPv::spread(site, seed);
+    let seen = PvVisibility::spread(site, seed);
     let mut placed = Placed {
         hits: HitMap { columns: sensors.len(), rows: 1, hits: Vec::with_capacity(sensors.len()) },
         footing: Vec::with_capacity(sensors.len()),
@@ -170,14 +159,14 @@ fn footing(sensor: &Sensor, site: &Site) -> (Footing, Hit) {
     (if source.pv.is_some() { Footing::Pv } else { Footing::Surface }, hit)
 }
 
-/// Rays that look for surfaces around a gate.
+/// Rays that look for surfaces around a virtual sensor.
 const SPOKES: u32 = 32;
-/// A gate isn't made smaller than this for the surfaces around it, m.
-const LEAST_GATE_M: f64 = 0.02;
+/// A virtual sensor isn't made smaller than this for the surfaces around it, m.
+const LEAST_SENSOR_M: f64 = 0.02;
 
-/// The gate of a sensor in free air: a disc of `radius_m`, smaller where it would cut a surface of
+/// The virtual sensor of a point in free air: a disc of `radius_m`, smaller where it would cut a surface of
 /// the scene, behind which it would lie in the dark.
-pub fn gate(position: DVec3, normal: DVec3, radius_m: f64, site: &Site) -> Gate {
+pub fn virtual_sensor(position: DVec3, normal: DVec3, radius_m: f64, site: &Site) -> VirtualSensor {
     let frame = crate::base::Frame::around(normal);
     let nearest = (0..SPOKES).fold(radius_m, |least, i| {
         let turn = std::f64::consts::TAU * f64::from(i) / f64::from(SPOKES);
@@ -185,7 +174,7 @@ pub fn gate(position: DVec3, normal: DVec3, radius_m: f64, site: &Site) -> Gate 
         let met = site.bvh.closest(position.as_vec3(), spoke.as_vec3(), 0.0, least as f32);
         met.map_or(least, |hit| least.min(f64::from(hit.distance_m)))
     });
-    Gate { centre: position, normal, radius_m: nearest.max(LEAST_GATE_M.min(radius_m)) }
+    VirtualSensor { centre: position, normal, radius_m: nearest.max(LEAST_SENSOR_M.min(radius_m)) }
 }
 
 #[cfg(test)]

@@ -1,3 +1,5 @@
+//! Views as text: Radiance's options, view files, the headers of pictures.
+
 use glam::DVec3;
 
 use super::camera::{Projection, View, ViewOptions};
@@ -117,11 +119,19 @@ impl View {
     }
 
     /// Reads a view file or the header of a Radiance picture: the options of all lines that begin
-    /// with `VIEW=` or the name of a program that takes views, later ones over earlier ones.
+    /// with `VIEW=` or the name of a program that takes views, later ones over earlier ones. Of an
+    /// OpenEXR picture its attribute `VIEW`, as ours have it.
     ///
     /// # Errors
-    /// As [`View::parse`]; [`Error::View`] where no line holds a view.
+    /// As [`View::parse`]; [`Error::View`] where nothing holds a view.
     pub fn from_file(bytes: &[u8], columns: usize, rows: usize) -> Result<Self, Error> {
+        if bytes.starts_with(&EXR) {
+            let Some(options) = exr_text(bytes, "VIEW") else {
+                let what = "the picture has no attribute `VIEW`; write `view` instead";
+                return Err(Error::View { what: what.to_owned() });
+            };
+            return Self::parse(options, columns, rows);
+        }
         let text = String::from_utf8_lossy(&bytes[..bytes.len().min(1 << 20)]);
         let picture = text.starts_with("#?");
         let mut found = ViewOptions::default();
@@ -176,6 +186,33 @@ impl View {
     /// The line with which a Radiance picture's header says its view.
     pub fn to_view_line(&self) -> String {
         format!("VIEW= {}", self.to_options())
+    }
+}
+
+/// How an OpenEXR file begins.
+const EXR: [u8; 4] = [0x76, 0x2f, 0x31, 0x01];
+
+/// A text attribute of an OpenEXR picture. Its header follows eight bytes of magic and version: of
+/// each attribute the name, the type, the length and the value, then an empty name (OpenEXR,
+/// "File Layout").
+fn exr_text<'a>(file: &'a [u8], wanted: &str) -> Option<&'a str> {
+    let word = |bytes: &'a [u8]| {
+        let end = bytes.iter().position(|b| *b == 0)?;
+        Some((&bytes[..end], &bytes[end + 1..]))
+    };
+    let mut rest = file.get(8..)?;
+    loop {
+        let (name, after) = word(rest)?;
+        if name.is_empty() {
+            return None;
+        }
+        let (kind, after) = word(after)?;
+        let (length, after) = after.split_first_chunk::<4>()?;
+        let (value, after) = after.split_at_checked(u32::from_le_bytes(*length) as usize)?;
+        if name == wanted.as_bytes() && kind == b"string" {
+            return std::str::from_utf8(value).ok();
+        }
+        rest = after;
     }
 }
 
@@ -234,5 +271,29 @@ mod tests {
         let rvu = View::from_file(b"/usr/bin/rvu -vtl -vh 7 -vv 7\n", 5, 5).expect("reads");
         assert_eq!((rvu.projection(), rvu.size()), (Projection::Parallel, [7.0, 7.0]));
         assert!(View::from_file(b"nothing here\n", 5, 5).is_err());
+    }
+
+    #[test]
+    fn the_view_of_an_openexr_picture_is_its_attribute() {
+        let header = |attributes: &[(&str, &str, &str)]| {
+            let mut out = [&EXR[..], &[2, 0, 0, 0]].concat();
+            for (name, kind, value) in attributes {
+                out.extend([name.as_bytes(), b"\0", kind.as_bytes(), b"\0"].concat());
+                out.extend((value.len() as u32).to_le_bytes());
+                out.extend(value.as_bytes());
+            }
+            out.extend(b"\0and then the pixels: VIEW");
+            out
+        };
+        let whole = header(&[("lines", "lineOrder", "\0"), ("VIEW", "string", "-vtl -vh 7 -vv 7")]);
+        let view = View::from_file(&whole, 5, 5).expect("reads");
+        assert_eq!((view.projection(), view.size()), (Projection::Parallel, [7.0, 7.0]));
+        for length in 4..whole.len() - 30 {
+            assert!(View::from_file(&whole[..length], 5, 5).is_err(), "{length} bytes");
+        }
+        for other in [("view", "string", "-vtl"), ("VIEW", "float", "-vtl")] {
+            let error = View::from_file(&header(&[other]), 5, 5).expect_err("no view");
+            assert!(error.to_string().contains("no attribute `VIEW`"), "{error}");
+        }
     }
 }

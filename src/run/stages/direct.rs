@@ -1,82 +1,57 @@
 //! Maps and series of a view that is integrated directly.
 
 use std::path::PathBuf;
-use std::time::Instant;
 
 use glintmap_formats::npy;
 use serde_json::json;
 
-use super::files::Subject;
-use super::{fused, series_files};
+use super::fused;
+use super::series_files::{name, peak, write_annual, write_peak, writer};
 use crate::base::{Grid, SinkError, TileRect, TileSink, limits, tiles};
-use crate::project::{Candidate, Map, PlannedView};
+use crate::project::{Candidate, Map, PlannedView, SeriesKept};
 use crate::receivers::air::InAir;
 use crate::receivers::points::read_points;
-use crate::render::{
-    self, Direct, DirectScene, DirectSinks, FusedDirect, HitMap, PvSight, TileYear,
-};
+use crate::render::{self, Direct, DirectScene, DirectSinks, FusedDirect, HitMap, TileYear};
 use crate::run::error::Error;
-use crate::run::job::{Job, Stage};
+use crate::run::job::{Job, Made};
+use crate::run::units::OfView;
 use crate::volume::{Rounded, TimeAxis};
 
-/// Integrates a view; `sight` is kept from one to the next. The sums of the year wait, tile by
-/// tile, beside the series until all tiles are there: so an interrupted run needs no tile twice.
-pub(super) fn maps(
-    job: &mut Job<'_>,
-    candidate: &Candidate,
-    view: &PlannedView,
-    sight: &mut Option<PvSight>,
-) -> Result<(), Error> {
-    let key = job.resolved.render_key(candidate, view)?;
-    let unit = format!("render {} {}", candidate.name, view.name);
-    if !job.needs(Stage::Render, &unit, &key) {
-        return Ok(());
-    }
-    let began = Instant::now();
+/// Integrates a view. The sums of the year wait, tile by tile, beside the series until all tiles
+/// are there: so an interrupted run needs no tile twice.
+pub(in crate::run) fn integrate(job: &Job<'_>, of: OfView<'_>, key: &str) -> Result<Made, Error> {
+    let OfView { candidate, view } = of;
     let mut hits = job.folder.read_hits(&view.name)?;
-    if view.points.is_some() {
+    if view.points().is_some() {
         // What is integrated needs no surface to land on.
         if let Some(air) = InAir::of(&read_points(&job.folder, view)?, view) {
             hits = air.lifted(hits);
         }
     }
-    let of = Subject { candidate, view, key: &key };
-    let waiting = job.folder.waiting_tiles(&candidate.name, &view.name);
-    if sight.is_none() {
-        *sight = Some(sees(job)?);
-    }
-    let Some(sight) = sight else { return Ok(()) };
-    let direct = Direct::new(scene(job, candidate)?, sight)?;
-    let folder = &job.folder;
+    let direct = Direct::new(scene(job, candidate)?, job.sight()?)?;
     let keep = |tile: TileRect, year: &TileYear| {
         let all = [&year.surface_wh_m2, &year.normal_wh_m2, &year.error_wh_m2];
         let values: Vec<f32> = all.into_iter().flatten().copied().collect();
-        let path = folder.prepare(&folder.waiting_tile(&candidate.name, &view.name, tile));
-        path.map_err(std::io::Error::other)
-            .and_then(|path| {
-                let shape = [all.len(), tile.rows, tile.columns];
-                npy::write(&path, &shape, &values).map_err(std::io::Error::other)
-            })
-            .map_err(SinkError::Io)
+        let name = job.folder.waiting_tile(&candidate.name, &view.name, tile);
+        let path = job.folder.prepare(&name).map_err(std::io::Error::other)?;
+        npy::write(&path, &[all.len(), tile.rows, tile.columns], &values)
+            .map_err(|e| SinkError::Io(std::io::Error::other(e)))
     };
-    let mut outputs = Vec::new();
-    let facts = if view.fuse {
+    let mut made = Made::default();
+    if view.is_fused() {
         let axis = TimeAxis::from(job.timeline()?);
         let thresholds = &job.resolved.project.glare.thresholds_w_m2;
-        let made = analyse(job, &axis, view, (&direct, &hits), thresholds, &keep)?;
+        let analysed = analyse(job, &axis, view, (&direct, &hits), thresholds, &keep)?;
         job.progress.finish();
-        let fused::Made { rendered, peak, analyses, batches } = made;
-        let summary = rendered.summary;
-        outputs.extend(series_files::write_peak(job, of, job.resolved.quantity, &peak)?);
-        fused::record(job, candidate, view, &axis, analyses, began)?;
-        json!({ "integrated": summary, "batches": batches })
+        let fused::Made { rendered, peak, analyses, batches } = analysed;
+        made.facts = json!({ "integrated": rendered.summary, "batches": batches });
+        made.outputs.extend(write_peak(job, of, key, job.resolved.quantity, &peak)?);
+        made.others = fused::keep_all(job, of, &axis, analyses)?;
     } else {
-        written(job, of, (&direct, &hits), &keep, &mut outputs)?
-    };
-    annual(job, of, &hits)?;
-    outputs.extend(series_files::annual_names(job, of));
-    job.remove(&waiting)?;
-    job.done(&unit, &key, &outputs, began, facts)
+        made.facts = written(job, of, (&direct, &hits), key, &keep, &mut made.outputs)?;
+    }
+    made.outputs.extend(annual(job, of, &hits, key)?);
+    Ok(made)
 }
 
 /// Takes a tile's sums over the year.
@@ -85,32 +60,37 @@ type Keep<'a> = &'a (dyn Fn(TileRect, &TileYear) -> Result<(), SinkError> + Sync
 /// Writes the series, and the peaks; facts for the log.
 fn written(
     job: &Job<'_>,
-    of: Subject<'_>,
+    of: OfView<'_>,
     (direct, hits): (&Direct<'_>, &HitMap),
+    key: &str,
     keep: Keep<'_>,
     outputs: &mut Vec<PathBuf>,
 ) -> Result<serde_json::Value, Error> {
-    let writer =
-        |quantity| Ok::<_, Error>((quantity, series_files::writer(job, of, quantity, hits)?));
-    let asked = writer(job.resolved.quantity)?;
-    let other = series_files::other(job, of).map(writer).transpose()?;
-    let rounded = |writer| Rounded::new(writer, of.view.mantissa_bits);
-    let series = rounded(&asked.1);
+    let view = of.view;
+    let quantity = job.resolved.quantity;
+    let writer_of = |quantity| writer(job, of, key, quantity, hits);
+    let other = (view.series == SeriesKept::Both).then(|| quantity.other());
+    let other = other.map(|other| Ok::<_, Error>((other, writer_of(other)?))).transpose()?;
+    let writer = writer_of(quantity)?;
+    let rounded = |writer| Rounded::new(writer, view.mantissa_bits);
+    let series = rounded(&writer);
     let others = other.as_ref().map(|(quantity, writer)| (*quantity, rounded(writer)));
     let sinks = DirectSinks {
-        series: (asked.0, &series),
+        series: (quantity, &series),
         other: others.as_ref().map(|(quantity, sink)| (*quantity, sink as &dyn TileSink)),
         keep,
     };
     let summary = render::direct_series(direct, hits, sinks, job.progress)?;
     job.progress.finish();
-    let mut facts = Vec::new();
-    for (quantity, writer) in std::iter::once(asked).chain(other) {
-        facts.push(json!(writer.finish()?));
-        outputs.push(series_files::name(job, of, quantity));
-        outputs.extend(series_files::peak(job, of, quantity)?);
+    let written = writer.finish()?;
+    outputs.push(name(job, of, quantity));
+    outputs.extend(peak(job, of, key, quantity)?);
+    if let Some((quantity, writer)) = other {
+        writer.finish()?;
+        outputs.push(name(job, of, quantity));
+        outputs.extend(peak(job, of, key, quantity)?);
     }
-    Ok(json!({ "series": facts[0], "integrated": summary }))
+    Ok(json!({ "series": written, "integrated": summary }))
 }
 
 fn scene<'a>(job: &'a Job<'_>, candidate: &'a Candidate) -> Result<DirectScene<'a>, Error> {
@@ -122,12 +102,6 @@ fn scene<'a>(job: &'a Job<'_>, candidate: &'a Candidate) -> Result<DirectScene<'
         max_path_m: job.resolved.trace.max_path_m,
         sun_visibility: job.resolved.trace.sun_visibility,
     })
-}
-
-/// What the PV sees of the suns.
-fn sees(job: &Job<'_>) -> Result<PvSight, Error> {
-    let free = job.resolved.trace.sun_visibility;
-    Ok(PvSight::new(job.site()?, job.timeline()?, free, job.progress)?)
 }
 
 fn analyse<'a, 'd>(
@@ -148,17 +122,16 @@ fn analyse<'a, 'd>(
 pub(super) fn fused<'a>(
     job: &Job<'_>,
     axis: &'a TimeAxis,
-    candidate: &Candidate,
-    view: &PlannedView,
+    of: OfView<'_>,
     thresholds: &[f64],
 ) -> Result<Vec<fused::Analysed<'a>>, Error> {
-    let (hits, sight) = (job.folder.read_hits(&view.name)?, sees(job)?);
-    let direct = Direct::new(scene(job, candidate)?, &sight)?;
-    Ok(analyse(job, axis, view, (&direct, &hits), thresholds, &|_, _| Ok(()))?.analyses)
+    let hits = job.folder.read_hits(&of.view.name)?;
+    let direct = Direct::new(scene(job, of.candidate)?, job.sight()?)?;
+    Ok(analyse(job, axis, of.view, (&direct, &hits), thresholds, &|_, _| Ok(()))?.analyses)
 }
 
 /// The year's maps from the tiles that wait.
-fn annual(job: &Job<'_>, of: Subject<'_>, hits: &HitMap) -> Result<(), Error> {
+fn annual(job: &Job<'_>, of: OfView<'_>, hits: &HitMap, key: &str) -> Result<Vec<PathBuf>, Error> {
     let (columns, rows) = (hits.columns, hits.rows);
     let empty = || Grid::filled(columns, rows, 0.0_f32);
     let mut maps = [empty(), empty(), empty()];
@@ -175,5 +148,6 @@ fn annual(job: &Job<'_>, of: Subject<'_>, hits: &HitMap) -> Result<(), Error> {
     let [surface, normal, error] = &maps;
     let maps =
         [(Map::Annual, surface), (Map::AnnualNormal, normal), (Map::IntegrationError, error)];
-    series_files::write_annual(job, of, &maps, &job.attributes(of.key, &of.about())?)
+    let attributes = job.attributes(key, &of.view.about(&of.candidate.name))?;
+    write_annual(job, of, &maps, &attributes)
 }

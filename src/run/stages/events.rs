@@ -14,11 +14,12 @@ use super::stores::telling_store;
 use crate::base::table::{Table, fixed};
 use crate::glare::{Analysis, Event, EventRow, EventTimes, Events, HourBounds, Regular};
 use crate::pages::{Neighbours, Query, Store};
-use crate::project::{Candidate, PlannedView};
+use crate::project::PlannedView;
 use crate::receivers::clock::Clock;
 use crate::render::{Hit, HitMap};
 use crate::run::error::Error;
 use crate::run::job::Job;
+use crate::run::units::OfView;
 use crate::site::{Site, map_from_local};
 use crate::volume::TimeAxis;
 
@@ -44,11 +45,11 @@ pub(super) struct Found<'a> {
 /// Writes `events.csv` and `events.geojson`; their names below `run/`.
 pub(super) fn write(
     job: &Job<'_>,
-    candidate: &Candidate,
-    view: &PlannedView,
+    of: OfView<'_>,
     threshold: f64,
     found: &Found<'_>,
 ) -> Result<Vec<PathBuf>, Error> {
+    let OfView { candidate, view } = of;
     let Found { analysis, axis, grid, .. } = *found;
     let hits = job.folder.read_hits(&view.name)?;
     let senders = match telling_store(job, candidate)? {
@@ -126,8 +127,9 @@ fn senders_of_block(
         by_pixel.entry(pixel).or_default().push(i);
     }
     let asked: Vec<(usize, Vec<usize>)> = by_pixel.into_iter().collect();
-    let count = view.series_bandwidth.unwrap_or(ASKED_PHOTONS).min(ASKED_PHOTONS);
-    let max_radius_m = view.annual.max_radius_m.unwrap_or_else(|| store.max_radius_m(count));
+    let gather = view.photons().copied().unwrap_or_default();
+    let count = gather.series_bandwidth.unwrap_or(ASKED_PHOTONS).min(ASKED_PHOTONS);
+    let max_radius_m = gather.annual.max_radius_m.unwrap_or_else(|| store.max_radius_m(count));
     let found: Vec<Vec<(usize, (u16, f32))>> = asked
         .par_iter()
         .map_init(Neighbours::default, |near, (pixel, list)| {

@@ -1,10 +1,8 @@
 //! The observers' eyes: luminance, hazard and veil of each material's year, as tables and charts.
 
-use std::time::Instant;
-
 use serde_json::json;
 
-use crate::base::Provenance;
+use crate::base::{Irradiance, Provenance};
 use crate::glare::Kernel;
 use crate::project::artifacts::{EyesFile, ReceiverFile, ReceiverId};
 use crate::project::{ObserverTable, RECEIVERS};
@@ -15,23 +13,14 @@ use crate::receivers::eyes::{
 use crate::receivers::points::Spreader;
 use crate::receivers::received::Calendar;
 use crate::receivers::tables::EyeTables;
-use crate::render::Quantity;
 use crate::render::eye::{Eye, EyeMaterial, EyePv};
 use crate::report::hazard_chart::{angles_rad, hazard_chart};
 use crate::run::error::Error;
-use crate::run::job::{Job, Stage};
-
-/// The name of the unit.
-pub(in crate::run) const UNIT: &str = "glare observers";
+use crate::run::job::{Job, Made};
 
 /// Looks through the eyes of all observers.
-pub(in crate::run) fn eyes(job: &mut Job<'_>) -> Result<(), Error> {
+pub(in crate::run) fn eyes(job: &Job<'_>) -> Result<Made, Error> {
     let resolved = job.resolved;
-    let Some(key) = resolved.eyes_key()? else { return Ok(()) };
-    if !job.needs(Stage::Glare, UNIT, &key) {
-        return Ok(());
-    }
-    let began = Instant::now();
     let (timeline, site) = (job.timeline()?, job.site()?);
     let clock = Clock::new(&resolved.project.site, timeline.year);
     let calendar = Calendar::of(timeline, &clock)?;
@@ -42,7 +31,7 @@ pub(in crate::run) fn eyes(job: &mut Job<'_>) -> Result<(), Error> {
     let thresholds = Thresholds {
         filter: &filter,
         irradiances_w_m2: &resolved.project.glare.thresholds_w_m2,
-        normal: resolved.quantity == Quantity::Normal,
+        normal: resolved.quantity == Irradiance::FacingBeam,
     };
     let pv = EyePv::new(site);
     let observers = observers(job, &calendar, &clock)?;
@@ -88,7 +77,7 @@ pub(in crate::run) fn eyes(job: &mut Job<'_>) -> Result<(), Error> {
             outputs.push(name(file));
         }
     }
-    job.done(UNIT, &key, &outputs, began, json!({ "observers": observers.len() }))
+    Ok(Made::new(outputs, json!({ "observers": observers.len() })))
 }
 
 fn observers(job: &Job<'_>, calendar: &Calendar, clock: &Clock) -> Result<Vec<Observer>, Error> {

@@ -5,24 +5,10 @@ use std::path::PathBuf;
 
 use crate::base::Grid;
 use crate::picture::exr;
-use crate::project::{Candidate, Map, PlannedView, Results};
+use crate::project::{Map, Results};
 use crate::run::error::Error;
 use crate::run::job::Job;
-
-/// A material in a view, and the key of what is made of them.
-#[derive(Clone, Copy)]
-pub(super) struct Subject<'a> {
-    pub candidate: &'a Candidate,
-    pub view: &'a PlannedView,
-    pub key: &'a str,
-}
-
-impl Subject<'_> {
-    /// What files say of their making, beside the key.
-    pub fn about(&self) -> [(&str, &str); 2] {
-        [("material", &self.candidate.name), ("view", &self.view.name)]
-    }
-}
+use crate::run::units::OfView;
 
 /// What pictures say of their making.
 pub(super) type Attributes = Vec<(String, String)>;
@@ -46,8 +32,7 @@ impl Job<'_> {
     /// Reads a map.
     pub(super) fn read_map(
         &self,
-        candidate: &Candidate,
-        view: &PlannedView,
+        OfView { candidate, view }: OfView<'_>,
         map: Map,
     ) -> Result<Grid<f32>, Error> {
         let path = self.folder.at(&self.folder.exr(&candidate.name, &view.name, map));
@@ -57,7 +42,7 @@ impl Job<'_> {
     /// Writes the maps that share a file; its name.
     pub(super) fn write_maps(
         &self,
-        of: Subject<'_>,
+        of: OfView<'_>,
         maps: &[(Map, &Grid<f32>)],
         attributes: &[(String, String)],
     ) -> Result<Vec<PathBuf>, Error> {

@@ -1,23 +1,23 @@
 //! Analysed as rendered: the year in batches of whole segments, no series on disk.
 
 use std::ops::Range;
-use std::time::Instant;
 
 use serde_json::json;
 
 use super::events::Found;
-use super::files::Subject;
 use super::glare_files;
 use crate::base::{Grid, Progress, SeriesEntry, SinkError, TileRect, TileSink, limits};
 use crate::glare::{
     self, Analysis, Calendar, HourBounds, HourCounter, Plan, Regular, Session, Slices, TileBatch,
     YearRows, YearTiles, each_slice,
 };
-use crate::project::{Candidate, PlannedView};
+use crate::project::PlannedView;
 use crate::receivers::clock::Clock;
 use crate::render::{Fused, FusedDirect, HitMap, undecided};
+use crate::run;
 use crate::run::error::Error;
-use crate::run::job::Job;
+use crate::run::job::{Job, MadeToo};
+use crate::run::units::{OfView, Work};
 use crate::volume::{Rounded, TimeAxis, segments_from_numbers};
 
 /// Bytes of a batch for each number in it: in the batch, and while its tiles are put in order.
@@ -36,7 +36,7 @@ pub(super) trait Batches {
         timesteps: Range<u32>,
         sink: &dyn TileSink,
         progress: &dyn Progress,
-    ) -> Result<(), crate::render::Error>;
+    ) -> Result<(), Error>;
 }
 
 impl Batches for Fused<'_> {
@@ -53,8 +53,8 @@ impl Batches for Fused<'_> {
         timesteps: Range<u32>,
         sink: &dyn TileSink,
         progress: &dyn Progress,
-    ) -> Result<(), crate::render::Error> {
-        Fused::batch(self, timesteps, sink, progress)
+    ) -> Result<(), Error> {
+        Ok(Fused::batch(self, timesteps, sink, progress)?)
     }
 }
 
@@ -72,8 +72,8 @@ impl Batches for FusedDirect<'_> {
         timesteps: Range<u32>,
         sink: &dyn TileSink,
         progress: &dyn Progress,
-    ) -> Result<(), crate::render::Error> {
-        FusedDirect::batch(self, timesteps, sink, progress)
+    ) -> Result<(), Error> {
+        Ok(FusedDirect::batch(self, timesteps, sink, progress)?)
     }
 }
 
@@ -122,9 +122,9 @@ pub(super) fn analyse<'a, B: Batches>(
     let spill = job.folder.root();
     let mut years = Vec::new();
     let clock_h = Clock::new(&job.resolved.project.site, axis.year).hours(axis);
-    for &threshold in thresholds.iter().filter(|_| view.points.is_none()) {
-        let of = (axis, Some(&clock_h[..]));
-        years.push(YearTiles::new(of, [hits.rows, hits.columns], threshold, spill)?);
+    for &threshold in thresholds.iter().filter(|_| view.picture().is_some()) {
+        let size = [hits.rows, hits.columns];
+        years.push(YearTiles::new(axis, Some(&clock_h), size, threshold, spill)?);
     }
     let all = All(&years);
     let whole = Rounded::new(&all, view.mantissa_bits);
@@ -213,35 +213,35 @@ fn batches(segments: &[Range<usize>], entries: &[u64], most: u64) -> Vec<Range<u
 }
 
 /// Keeps the analyses, each a unit of the stage `glare`.
-pub(super) fn record(
-    job: &mut Job<'_>,
-    candidate: &Candidate,
-    view: &PlannedView,
+pub(super) fn keep_all(
+    job: &Job<'_>,
+    of: OfView<'_>,
     axis: &TimeAxis,
     analyses: Vec<Analysed<'_>>,
-    began: Instant,
-) -> Result<(), Error> {
+) -> Result<Vec<MadeToo>, Error> {
     let dark = TileBatch::new([axis.day.len(), 1, 1], 0..0);
     let grid = Regular::of(&dark, axis, &segments_from_numbers(&axis.segment))?;
     let even = grid.as_ref().map(|grid| grid.axis(axis));
     let counted = even.as_ref().unwrap_or(axis);
+    let mut units = Vec::new();
     for Analysed { threshold, analysis, bounds, year } in analyses {
-        let key = job.resolved.glare_key(candidate, view, threshold)?;
-        let unit = format!("glare {} {} {threshold}", candidate.name, view.name);
-        let of = Subject { candidate, view, key: &key };
-        let axis_of = Some(counted);
-        let found =
-            Found { analysis: &analysis, axis: axis_of, grid: grid.as_ref(), bounds: &bounds };
-        let mut outputs = glare_files::write(job, of, threshold, &found)?;
+        let name = Work::Glare(of, threshold).name();
+        let Some(unit) = job.plan.iter().find(|unit| unit.name == name) else { continue };
+        let (axis_of, grid) = (Some(counted), grid.as_ref());
+        let found = Found { analysis: &analysis, axis: axis_of, grid, bounds: &bounds };
+        let attributes = glare_files::attributes(job, of, threshold, &unit.key)?;
+        let mut outputs = glare_files::write(job, of, threshold, &found, &attributes)?;
         if let Some(year) = year {
             let size = [bounds.hours_h.rows(), bounds.hours_h.columns()];
             let make = |rows: YearRows<'_>| year.finish(rows);
-            outputs.extend(glare_files::write_year(job, of, threshold, (axis, size), make)?);
+            let year = glare_files::UnfilteredYear { axis, size, make };
+            outputs.extend(glare_files::write_year(job, of, threshold, year, &attributes)?);
         }
         let facts = json!({ "events": analysis.events.len(), "fused": true });
-        job.done(&unit, &key, &outputs, began, facts)?;
+        let (key, made) = (unit.key.clone(), run::job::Made::new(outputs, facts));
+        units.push(MadeToo { name, key, made });
     }
-    Ok(())
+    Ok(units)
 }
 
 #[cfg(test)]

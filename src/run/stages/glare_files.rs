@@ -7,35 +7,36 @@ use std::path::PathBuf;
 use glintmap_formats::npy;
 
 use super::events::{self, Found};
-use super::files::{Attributes, Subject};
+use super::files::Attributes;
 use crate::base::Grid;
 use crate::glare::{self, Analysis, YearMap, YearRows};
 use crate::project::{GlareMap, Map};
 use crate::receivers::clock::Clock;
 use crate::run::error::Error;
 use crate::run::job::Job;
+use crate::run::units::OfView;
 use crate::volume::TimeAxis;
 
 /// Writes what an analysis found; the names of the files.
 pub(super) fn write(
     job: &Job<'_>,
-    of: Subject<'_>,
+    of: OfView<'_>,
     threshold: f64,
     found: &Found<'_>,
+    attributes: &[(String, String)],
 ) -> Result<Vec<PathBuf>, Error> {
     let Found { analysis, axis, bounds, .. } = *found;
     let step_h = axis.map_or(job.timeline()?.step_h, |axis| axis.step_h);
-    let attributes = attributes(job, of, threshold)?;
     let mut outputs = Vec::new();
     for (map, counts, hours) in durations(analysis, step_h) {
         let map = Map::Glare(threshold, map);
         let name = job.folder.npy(&of.candidate.name, &of.view.name, map);
         npy::write(&job.folder.prepare(&name)?, &[counts.rows(), counts.columns()], counts.data())?;
         outputs.push(name);
-        outputs.extend(job.write_maps(of, &[(map, &hours)], &attributes)?);
+        outputs.extend(job.write_maps(of, &[(map, &hours)], attributes)?);
     }
-    if of.view.points.is_none() {
-        outputs.extend(events::write(job, of.candidate, of.view, threshold, found)?);
+    if of.view.points().is_none() {
+        outputs.extend(events::write(job, of, threshold, found)?);
     }
     let glare = |map| Map::Glare(threshold, map);
     let maps = [
@@ -43,16 +44,21 @@ pub(super) fn write(
         (glare(GlareMap::Hours), &bounds.hours_h),
         (glare(GlareMap::AtMost), &bounds.high_h),
     ];
-    outputs.extend(job.write_maps(of, &maps, &attributes)?);
+    outputs.extend(job.write_maps(of, &maps, attributes)?);
     Ok(outputs)
 }
 
 /// What the maps of an analysis say of their making.
-fn attributes(job: &Job<'_>, of: Subject<'_>, threshold: f64) -> Result<Attributes, Error> {
+pub(super) fn attributes(
+    job: &Job<'_>,
+    of: OfView<'_>,
+    threshold: f64,
+    key: &str,
+) -> Result<Attributes, Error> {
     let threshold = threshold.to_string();
-    let quantity = job.resolved.project.glare.quantity.as_str();
+    let quantity = job.resolved.quantity.name();
     let more = [("threshold_w_m2", threshold.as_str()), ("quantity", quantity)];
-    job.attributes(of.key, &[of.about(), more].concat())
+    job.attributes(key, &[of.view.about(&of.candidate.name), more].concat())
 }
 
 /// Each duration map with its timesteps turned into hours. Cumulative hours carry the weight of
@@ -70,15 +76,22 @@ fn durations(analysis: &Analysis, step_h: f64) -> [(GlareMap, &Grid<i32>, Grid<f
     ]
 }
 
-/// Writes the maps of the year from the series as it is, each as `.npy` (float32) and `.exr`;
-/// `make` hands them on. A month without glare has no map. Clock times say which clock they mean.
-/// Memory holds one map at a time.
-pub(super) fn write_year(
+/// The unfiltered year of a series: its timesteps, rows and columns, and what hands the maps on.
+pub(super) struct UnfilteredYear<'a, F> {
+    pub axis: &'a TimeAxis,
+    pub size: [usize; 2],
+    pub make: F,
+}
+
+/// Writes the maps of the year from the series as it is, each as `.npy` (float32) and `.exr`. A
+/// month without glare has no map. Clock times say which clock they mean. Memory holds one map at a
+/// time.
+pub(super) fn write_year<F: FnOnce(YearRows<'_>) -> Result<(), glare::Error>>(
     job: &Job<'_>,
-    of: Subject<'_>,
+    of: OfView<'_>,
     threshold: f64,
-    (axis, [rows, columns]): (&TimeAxis, [usize; 2]),
-    make: impl FnOnce(YearRows<'_>) -> Result<(), glare::Error>,
+    UnfilteredYear { axis, size: [rows, columns], make }: UnfilteredYear<'_, F>,
+    attributes: &[(String, String)],
 ) -> Result<Vec<PathBuf>, Error> {
     let maps = YearMap::all(axis);
     let clock = Clock::new(&job.resolved.project.site, axis.year);
@@ -104,7 +117,7 @@ pub(super) fn write_year(
             continue;
         }
         let grid = Grid::from_vec(columns, rows, numbers);
-        let mut attributes = attributes(job, of, threshold)?;
+        let mut attributes = attributes.to_vec();
         if matches!(of_map, YearMap::FirstHour | YearMap::LastHour) {
             attributes.push(("clock".to_owned(), clock.zone()));
         }

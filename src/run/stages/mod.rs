@@ -1,5 +1,5 @@
-//! One file a stage. Each asks the manifest what is current, calls the rooms, and records what
-//! they left behind.
+//! What makes each unit of work: it is handed the unit, calls the rooms, and says what they left
+//! behind.
 
 mod crossings;
 mod direct;
@@ -20,12 +20,14 @@ mod stores;
 mod suns;
 mod tile_notes;
 
-pub(super) use eyes::UNIT as EYES_UNIT;
+pub(super) use crossings::air;
+pub(super) use direct::integrate;
+pub(super) use eyes::eyes;
 pub(super) use glare::glare;
-pub(super) use moments::UNIT as MOMENTS_UNIT;
-pub(super) use photons::{Traced, pages, trace};
-pub(super) use pictures::{key as pictures_key, pictures};
-pub(super) use receivers::{check as check_receivers, received_unit};
-pub(super) use render::render;
-pub(super) use report::report;
+pub(super) use moments::luminances;
+pub(super) use photons::{Traced, pages, share, trace};
+pub(super) use pictures::pictures;
+pub(super) use receivers::{check as check_receivers, place, received};
+pub(super) use render::{annual, background, hits, series};
+pub(super) use report::{report, verdicts};
 pub(super) use suns::suns;

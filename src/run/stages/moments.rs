@@ -2,7 +2,6 @@
 //! the view point gets of the PV.
 
 use std::path::PathBuf;
-use std::time::Instant;
 
 use glam::DVec3;
 use serde_json::{Value, json};
@@ -18,32 +17,25 @@ use crate::render::eye::{Eye, EyeInstant, EyeMaterial, EyePv, SunAt};
 use crate::render::moment::{Moment, WATT_LM, illuminance_lx};
 use crate::render::{Projection, View};
 use crate::run::error::Error;
-use crate::run::job::{Job, Stage};
+use crate::run::job::{Job, Made};
 use crate::sky::{self, DayRange, HourRange, TimeSpec};
 
-/// The name of the unit.
-pub(in crate::run) const UNIT: &str = "pictures moments";
 /// Upper end of the falsecolours, cd/m2: one scale for all materials and moments.
 const BRIGHTEST_CD_M2: f64 = 1e6;
 /// Decades that they span.
 const DECADES: f64 = 4.0;
 
 /// Takes all pictures, of each material.
-pub(super) fn moments(job: &mut Job<'_>) -> Result<(), Error> {
+pub(in crate::run) fn luminances(job: &Job<'_>, key: &str) -> Result<Made, Error> {
     let resolved = job.resolved;
-    let Some(key) = resolved.moments_key()? else { return Ok(()) };
-    if !job.needs(Stage::Pictures, UNIT, &key) {
-        return Ok(());
-    }
-    let began = Instant::now();
     let mut outputs = Vec::new();
     for moment in &resolved.moments {
         for candidate in &resolved.candidates {
-            outputs.extend(take(job, moment, candidate, &key)?);
+            outputs.extend(take(job, moment, candidate, key)?);
         }
     }
     let made = outputs.len();
-    job.done(UNIT, &key, &outputs, began, json!({ "files": made }))
+    Ok(Made::new(outputs, json!({ "files": made })))
 }
 
 /// `11 June, 09:30 (06-11 09:30 CEST)`

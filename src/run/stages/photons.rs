@@ -9,11 +9,10 @@ use serde_json::json;
 
 use crate::base::{Aabb, Photon, PhotonSink, SinkError, Tally};
 use crate::pages::{self, Spill};
-use crate::project::Candidate;
-use crate::project::Shard;
-use crate::project::key_of;
+use crate::project::{Candidate, Shard};
 use crate::run::error::Error;
-use crate::run::job::{Job, Stage};
+use crate::run::job::{Job, Made};
+use crate::run::units::Work;
 use crate::trace::{self, Emission, Plan, Tracer, UnitSink};
 
 /// Tracing that a killed run loses at most, beside the unit that it was in.
@@ -96,49 +95,36 @@ impl UnitSink for Keeper {
     }
 }
 
-fn unit(stage: &str, candidate: &Candidate) -> String {
-    format!("{stage} {}", candidate.name)
-}
-
-/// Traces each candidate's photons into its spill.
-pub(in crate::run) fn trace(job: &mut Job<'_>) -> Result<(), Error> {
-    let resolved = job.resolved;
-    for candidate in resolved.candidates.iter().filter(|_| resolved.needs_photons()) {
-        let key = resolved.photons_key(candidate)?;
-        if let Some(shard) = job.options.shard {
-            share(job, candidate, &key, shard)?;
-            continue;
-        }
-        let name = unit("trace", candidate);
-        if !job.needs(Stage::Trace, &name, &key) {
-            continue;
-        }
-        let began = Instant::now();
-        for note in &candidate.notes {
-            job.progress.say(&format!("{}: {note}", candidate.name));
-        }
-        let spill = job.folder.prepare(&job.folder.spill(&candidate.name))?;
-        let Done { plan, units, .. } = match shares(job, candidate, &key)? {
-            Some((parts, done)) => {
-                // What an earlier merge left is of no use.
-                let memory = job.options.memory_bytes / 4;
-                pages::join(&parts, &spill, memory, job.progress)?;
-                done
-            }
-            None => land(job, candidate, &key, None, &spill)?,
-        };
-        let Some(tally) = Done::tally(units, &plan) else {
-            let path = job.folder.at(&job.folder.shards(&candidate.name));
-            return Err(Error::Shards { path, what: "units of the plan are missing".into() });
-        };
-        let traced = Traced { plan, effective_photons: tally.effective_photons(), tally };
-        let tally_name = job.folder.tally(&candidate.name);
-        job.folder.write_json(&tally_name, &traced)?;
-        job.progress.say(&told(candidate, &traced, began));
-        let facts = json!({ "sent": tally.sent.photons, "stored": tally.stored.photons });
-        job.done(&name, &key, &[tally_name], began, facts)?;
+/// Traces a candidate's photons into its spill.
+pub(in crate::run) fn trace(
+    job: &Job<'_>,
+    candidate: &Candidate,
+    key: &str,
+) -> Result<Made, Error> {
+    let began = Instant::now();
+    for note in &candidate.notes {
+        job.progress.say(&format!("{}: {note}", candidate.name));
     }
-    Ok(())
+    let spill = job.folder.prepare(&job.folder.spill(&candidate.name))?;
+    let Done { plan, units, .. } = match shares(job, candidate, key)? {
+        Some((parts, done)) => {
+            // What an earlier merge left is of no use.
+            let memory = job.options.memory_bytes / 4;
+            pages::join(&parts, &spill, memory, job.progress)?;
+            done
+        }
+        None => land(job, candidate, key, None, &spill)?,
+    };
+    let Some(tally) = Done::tally(units, &plan) else {
+        let path = job.folder.at(&job.folder.shards(&candidate.name));
+        return Err(Error::Shards { path, what: "units of the plan are missing".into() });
+    };
+    let traced = Traced { plan, effective_photons: tally.effective_photons(), tally };
+    let tally_name = job.folder.tally(&candidate.name);
+    job.folder.write_json(&tally_name, &traced)?;
+    job.progress.say(&told(candidate, &traced, began));
+    let facts = json!({ "sent": tally.sent.photons, "stored": tally.stored.photons });
+    Ok(Made::new(vec![tally_name], facts))
 }
 
 /// Fills a spill with the photons of a candidate that land.
@@ -162,7 +148,6 @@ fn land(
         name: &candidate.name,
         key,
         shard,
-        stage: Stage::Trace,
         spill,
         bounds: site.bounds,
         expected: resolved.trace.stored / shard.map_or(1, |s| u64::from(s.of)),
@@ -177,8 +162,6 @@ pub(super) struct Filling<'a> {
     /// What decides the photons.
     pub key: &'a str,
     pub shard: Option<Shard>,
-    /// The stage; where that is forced, nothing is gone on with.
-    pub stage: Stage,
     pub spill: &'a Path,
     /// Where photons lie.
     pub bounds: Aabb,
@@ -192,12 +175,11 @@ pub(super) fn fill(
     tracer: &Tracer<'_>,
     filling: &Filling<'_>,
 ) -> Result<Done, Error> {
-    let &Filling { name, key, shard, stage, spill, bounds, expected } = filling;
+    let &Filling { name, key, shard, spill, bounds, expected } = filling;
     let memory = job.options.memory_bytes / 4;
     let read = |note: &str| serde_json::from_str::<Done>(note).ok();
-    let forced = job.is_forced(stage);
-    // A spill that isn't sealed, or was made from other settings, is of no use.
-    let accept = |note: &str| !forced && read(note).is_some_and(|done| done.fits(key, shard));
+    // A spill that isn't sealed, or a share that was made from other settings, is of no use.
+    let accept = |note: &str| read(note).is_some_and(|done| done.fits(key, shard));
     let resumed = Spill::resume(spill, bounds, expected, memory, accept)?;
     let resumed = resumed.and_then(|(spill, note)| Some((spill, read(&note)?)));
     let mut keeper = match resumed {
@@ -225,23 +207,29 @@ pub(super) fn fill(
     Ok(keeper.done)
 }
 
-/// Traces one share of a candidate's photons.
-fn share(job: &mut Job<'_>, candidate: &Candidate, key: &str, shard: Shard) -> Result<(), Error> {
-    let name = format!("trace {} {}", candidate.name, shard.name());
-    let tally = job.folder.shard_tally(&candidate.name, shard);
-    let forced = job.options.force.is_some_and(|f| f <= Stage::Trace);
-    if !forced && read_share(job, candidate, shard).is_some_and(|d| d.fits(key, Some(shard))) {
-        job.summary.current.push(name);
-        return Ok(());
+/// Traces one share of each candidate's photons. Other shares may be traced in the same folder at
+/// the same time, so the manifest knows none of them: a share says itself what it was made from.
+pub(in crate::run) fn share(job: &mut Job<'_>, shard: Shard) -> Result<(), Error> {
+    for unit in job.plan.clone() {
+        let Work::Trace(candidate) = unit.work else { continue };
+        let name = format!("{} {}", unit.name, shard.name());
+        let tally = job.folder.shard_tally(&candidate.name, shard);
+        let done = read_share(job, candidate, shard).filter(|_| !job.is_forced(unit.stage));
+        if done.is_some_and(|done| done.fits(&unit.key, Some(shard))) {
+            job.summary.current.push(name);
+            continue;
+        }
+        let began = Instant::now();
+        let forced = job.is_forced(unit.stage);
+        job.remove(tally.parent().filter(|_| forced).unwrap_or(&tally))?;
+        let spill = job.folder.prepare(&job.folder.shard_spill(&candidate.name, shard))?;
+        let done = land(job, candidate, &unit.key, Some(shard), &spill)?;
+        job.folder.write_json(&tally, &done)?;
+        let units = done.units.len();
+        job.progress.say(&format!("{}: {units} of {} units", name, done.plan.units()));
+        job.note(&name, began, json!({ "units": units }))?;
     }
-    let began = Instant::now();
-    job.remove(&tally)?;
-    let spill = job.folder.prepare(&job.folder.shard_spill(&candidate.name, shard))?;
-    let done = land(job, candidate, key, Some(shard), &spill)?;
-    job.folder.write_json(&tally, &done)?;
-    let units = done.units.len();
-    job.progress.say(&format!("{}: {units} of {} units", name, done.plan.units()));
-    job.note(&name, began, json!({ "units": units }))
+    Ok(())
 }
 
 fn read_share(job: &Job<'_>, candidate: &Candidate, shard: Shard) -> Option<Done> {
@@ -309,42 +297,28 @@ fn told(candidate: &Candidate, traced: &Traced, began: Instant) -> String {
     )
 }
 
-/// Sorts each candidate's spill into its photon store.
-pub(in crate::run) fn pages(job: &mut Job<'_>) -> Result<(), Error> {
-    let resolved = job.resolved;
-    for candidate in resolved.candidates.iter().filter(|_| resolved.needs_photons()) {
-        let key = key_of("pages", &resolved.photons_key(candidate)?)?;
-        let name = unit("pages", candidate);
-        let spill_name = job.folder.spill(&candidate.name);
-        if !job.needs(Stage::Pages, &name, &key) {
-            // Photons that were sorted already: the run was stopped before they could go.
-            job.remove(&spill_name)?;
-            continue;
-        }
-        let began = Instant::now();
-        if !job.folder.at(&spill_name).exists() {
-            // The photons were traced, sorted, and then the store was removed or forced anew.
-            job.manifest.units.remove(&unit("trace", candidate));
-            trace(job)?;
-        }
-        let traced = Traced::read(job, candidate)?;
-        let store_name = job.folder.store(&candidate.name);
-        let store = job.folder.prepare(&store_name)?;
-        let (site, timeline) = (job.site()?, job.timeline()?);
-        let about = pages::About {
-            provenance: job.provenance(&key, &[("material", &candidate.name)]),
-            timesteps: u32::try_from(timeline.steps.len()).unwrap_or(u32::MAX),
-            surfaces: site.pv.iter().map(|s| s.name.clone()).collect(),
-            basis: timeline.basis,
-            tally: traced.tally,
-        };
-        let memory = job.options.memory_bytes / 4 * 3;
-        let built =
-            pages::build(&job.folder.at(&spill_name), &store, &about, memory, job.progress)?;
-        let facts = serde_json::to_value(&built).map_err(std::io::Error::from)?;
-        job.done(&name, &key, &[store_name], began, facts)?;
-        job.remove(&spill_name)?;
-        job.remove(&job.folder.shards(&candidate.name))?;
-    }
-    Ok(())
+/// Sorts a candidate's spill into its photon store.
+pub(in crate::run) fn pages(
+    job: &Job<'_>,
+    candidate: &Candidate,
+    key: &str,
+) -> Result<Made, Error> {
+    let traced = Traced::read(job, candidate)?;
+    let store_name = job.folder.store(&candidate.name);
+    let store = job.folder.prepare(&store_name)?;
+    let (site, timeline) = (job.site()?, job.timeline()?);
+    let about = pages::About {
+        provenance: job.provenance(key, &[("material", &candidate.name)]),
+        timesteps: u32::try_from(timeline.steps.len()).unwrap_or(u32::MAX),
+        surfaces: site.pv.iter().map(|s| s.name.clone()).collect(),
+        basis: timeline.basis,
+        tally: traced.tally,
+    };
+    let memory = job.options.memory_bytes / 4 * 3;
+    let spill = job.folder.at(&job.folder.spill(&candidate.name));
+    let built = pages::build(&spill, &store, &about, memory, job.progress)?;
+    let facts = serde_json::to_value(&built).map_err(std::io::Error::from)?;
+    // The spill holds what was joined from them until the store is recorded.
+    job.remove(&job.folder.shards(&candidate.name))?;
+    Ok(Made::new(vec![store_name], facts))
 }

@@ -8,41 +8,30 @@ mod regions;
 mod unfiltered;
 
 use std::path::PathBuf;
-use std::time::Instant;
 
 use rayon::prelude::*;
 use serde_json::json;
 
 use self::atlas::{Drawing, drawings};
 use self::marks::Marks;
-use super::files::Subject;
 use crate::base::{Grid, Provenance};
 use crate::picture::{Figure, Rgb, compose, exr, png, tonemap};
-use crate::project::{Candidate, Map, PlannedView, Resolved, key_of};
+use crate::project::{Candidate, Map, PlannedView};
 use crate::report::occurrence_charts;
 use crate::run::error::Error;
-use crate::run::job::{Job, Stage};
+use crate::run::job::{Job, Made};
+use crate::run::units::OfView;
 
-/// Draws everything.
-pub(in crate::run) fn pictures(job: &mut Job<'_>) -> Result<(), Error> {
-    maps(job)?;
-    super::moments::moments(job)
-}
-
-fn maps(job: &mut Job<'_>) -> Result<(), Error> {
-    let key = key(job.resolved)?;
-    if !job.needs(Stage::Pictures, "pictures", &key) {
-        return Ok(());
-    }
-    let began = Instant::now();
+/// Draws every map and chart.
+pub(in crate::run) fn pictures(job: &Job<'_>, key: &str) -> Result<Made, Error> {
     let resolved = job.resolved;
-    let mut outputs = ratios(job, &key)?;
+    let mut outputs = ratios(job, key)?;
     let drawings = drawings(job)?;
     let total = resolved.views.len() * resolved.candidates.len() * drawings.len();
     job.progress.begin("pictures", total as u64, "pictures");
-    for view in &resolved.views {
+    for (view, picture) in resolved.views.iter().filter_map(|v| Some((v, v.picture()?))) {
         let background = read_background(job, view)?;
-        let marks = Marks::of(job, view)?;
+        let marks = Marks::of(job, view, picture)?;
         outputs.push(daylight(job, view, &background)?);
         let canvas = Canvas { view, background: &background, marks: &marks };
         let tasks: Vec<(&Candidate, &Drawing)> = resolved
@@ -53,7 +42,7 @@ fn maps(job: &mut Job<'_>) -> Result<(), Error> {
         let drawn = tasks.par_iter().map(|(candidate, drawing)| {
             job.progress.check()?;
             let name = job.folder.exr(&candidate.name, &view.name, drawing.map);
-            let there = job.folder.at(&name).exists() && !(drawing.is_of_noise && view.direct);
+            let there = job.folder.at(&name).exists() && !(drawing.is_of_noise && view.is_direct());
             let png = there.then(|| draw(job, candidate, &canvas, drawing)).transpose()?;
             job.progress.advance(1);
             Ok(png)
@@ -63,25 +52,7 @@ fn maps(job: &mut Job<'_>) -> Result<(), Error> {
     outputs.extend(occurrence_charts::draw(&job.results()?)?);
     job.progress.finish();
     let made = outputs.len();
-    job.done("pictures", &key, &outputs, began, json!({ "files": made }))
-}
-
-/// Everything that is drawn decides about the pictures, because they share their scales.
-pub(in crate::run) fn key(resolved: &Resolved) -> Result<String, Error> {
-    let mut parts = Vec::new();
-    for candidate in &resolved.candidates {
-        for view in &resolved.views {
-            for &threshold in &resolved.project.glare.thresholds_w_m2 {
-                parts.push(resolved.glare_key(candidate, view, threshold)?);
-            }
-            parts.push(resolved.render_key(candidate, view)?);
-        }
-        for set in &resolved.sensors {
-            parts.push(resolved.received_key(candidate, set)?);
-        }
-    }
-    let p = &resolved.project;
-    Ok(key_of("pictures", &(parts, &p.site, &p.observer, &p.region, &p.reference))?)
+    Ok(Made::new(outputs, json!({ "files": made })))
 }
 
 /// Writes each candidate's annual map divided by the reference's.
@@ -92,14 +63,14 @@ fn ratios(job: &Job<'_>, key: &str) -> Result<Vec<PathBuf>, Error> {
         return Ok(outputs);
     };
     for view in &resolved.views {
-        let old = job.read_map(reference, view, Map::Annual)?;
+        let old = job.read_map(OfView { candidate: reference, view }, Map::Annual)?;
         for (i, candidate) in resolved.candidates.iter().enumerate() {
             if resolved.reference == Some(i) {
                 continue;
             }
-            let ratio = compose::ratio(&job.read_map(candidate, view, Map::Annual)?, &old)?;
-            let of = Subject { candidate, view, key };
-            let [material, view] = of.about();
+            let of = OfView { candidate, view };
+            let ratio = compose::ratio(&job.read_map(of, Map::Annual)?, &old)?;
+            let [material, view] = view.about(&candidate.name);
             let about = [material, ("reference", reference.name.as_str()), view];
             let attributes = job.attributes(key, &about)?;
             outputs.extend(job.write_maps(of, &[(Map::Ratio, &ratio)], &attributes)?);
@@ -145,10 +116,11 @@ fn draw(
     drawing: &Drawing,
 ) -> Result<PathBuf, Error> {
     let view = canvas.view;
-    let mut data = job.read_map(candidate, view, drawing.map)?;
+    let read = |candidate, map| job.read_map(OfView { candidate, view }, map);
+    let mut data = read(candidate, drawing.map)?;
     if let (Some(faint), Some(reference)) = (drawing.faint_wh_m2, job.resolved.reference) {
-        let new = job.read_map(candidate, view, Map::Annual)?;
-        let old = job.read_map(&job.resolved.candidates[reference], view, Map::Annual)?;
+        let new = read(candidate, Map::Annual)?;
+        let old = read(&job.resolved.candidates[reference], Map::Annual)?;
         blank_where_faint(&mut data, [&new, &old], faint);
     }
     let mut figure = Figure::new(&data, drawing.scale.clone());

@@ -1,16 +1,14 @@
 //! Points instead of pixels: where they lie and what they see; then, after their series were
 //! rendered as those of pictures are, what arrives there.
 
-use std::time::Instant;
-
 use serde_json::json;
 
-use super::stores::{series_bandwidth, telling_store};
+use super::stores::telling_store;
 use crate::base::Grid;
 use crate::base::table::Table;
 use crate::pages::Store;
 use crate::project::artifacts::{ReceiverFile, ReceiverId};
-use crate::project::{Candidate, GlareMap, Map, PlannedView, Points};
+use crate::project::{GlareMap, Map, PlannedView, Points};
 use crate::receivers::air::Crossings;
 use crate::receivers::clock::Clock;
 use crate::receivers::points::{Spreader, read_points};
@@ -19,7 +17,8 @@ use crate::receivers::tables::{OccurrenceRow, PointTable, occurrence};
 use crate::render::sensors;
 use crate::rules::Class;
 use crate::run::error::Error;
-use crate::run::job::{Job, Stage};
+use crate::run::job::{Job, Made};
+use crate::run::units::OfView;
 use crate::volume::Volume;
 
 /// Checks what regions name before anything is made.
@@ -31,14 +30,12 @@ pub(in crate::run) fn check(job: &Job<'_>) -> Result<(), Error> {
 }
 
 /// Finds the points of a set in the scene: `hits.gmh` and `points.json`.
-pub(in crate::run) fn place(job: &mut Job<'_>, set: &PlannedView) -> Result<(), Error> {
-    let Some(from) = &set.points else { return Ok(()) };
-    let key = job.resolved.hits_key(set)?;
-    let unit = format!("hits {}", set.name);
-    if !job.needs(Stage::Render, &unit, &key) {
-        return Ok(());
-    }
-    let began = Instant::now();
+pub(in crate::run) fn place(
+    job: &Job<'_>,
+    set: &PlannedView,
+    from: &Points,
+    key: &str,
+) -> Result<Made, Error> {
     let trace = &job.resolved.trace;
     let spreader = Spreader { resolved: job.resolved, site: job.site()? };
     let mut points = match from {
@@ -53,33 +50,12 @@ pub(in crate::run) fn place(job: &mut Job<'_>, set: &PlannedView) -> Result<(), 
     }
     let name = job.folder.hits(&set.name);
     let path = job.folder.prepare(&name)?;
-    let provenance = job.provenance(&key, &[("view", &set.name)]);
+    let provenance = job.provenance(key, &[("view", &set.name)]);
     placed.hits.write_sensors(&path, trace.max_path_m, &provenance)?;
     let list = job.folder.points(&set.name);
     job.folder.write_json(&list, &points.set)?;
     let facts = json!({ "points": points.sensors.len(), "groups": points.set.groups.len() });
-    job.done(&unit, &key, &[name, list], began, facts)
-}
-
-/// Reads what arrives at the points of each set: `sensors.csv`, `receivers.json`, and for each
-/// group when.
-pub(in crate::run) fn received(job: &mut Job<'_>) -> Result<(), Error> {
-    let resolved = job.resolved;
-    for candidate in &resolved.candidates {
-        for set in &resolved.sensors {
-            let key = resolved.received_key(candidate, set)?;
-            let unit = received_unit(candidate, set);
-            if job.needs(Stage::Glare, &unit, &key) {
-                one(job, candidate, set, &unit, &key)?;
-            }
-        }
-    }
-    Ok(())
-}
-
-/// The name of the unit that [`received`] makes.
-pub(in crate::run) fn received_unit(candidate: &Candidate, set: &PlannedView) -> String {
-    format!("glare {} {} points", candidate.name, set.name)
+    Ok(Made::new(vec![name, list], facts))
 }
 
 /// What was rendered at the points of a set, as maps.
@@ -91,8 +67,8 @@ struct PointMaps {
 }
 
 impl PointMaps {
-    fn read(job: &Job<'_>, candidate: &Candidate, set: &PlannedView) -> Result<Self, Error> {
-        let read = |map| job.read_map(candidate, set, map);
+    fn read(job: &Job<'_>, of: OfView<'_>) -> Result<Self, Error> {
+        let read = |map| job.read_map(of, map);
         let mut filtered = Vec::new();
         for &t in &job.resolved.project.glare.thresholds_w_m2 {
             let of = |map| Ok::<_, Error>(read(Map::Glare(t, map))?.data().to_vec());
@@ -102,35 +78,34 @@ impl PointMaps {
     }
 }
 
-fn one(
-    job: &mut Job<'_>,
-    candidate: &Candidate,
-    set: &PlannedView,
-    unit: &str,
-    key: &str,
-) -> Result<(), Error> {
-    let began = Instant::now();
+/// Reads what arrives at the points of a set: `sensors.csv`, `receivers.json`, and for each group
+/// when.
+pub(in crate::run) fn received(job: &Job<'_>, of: OfView<'_>) -> Result<Made, Error> {
+    let OfView { candidate, view: set } = of;
     let results = job.results()?;
     let hits = job.folder.read_hits(&set.name)?;
     let volume = Volume::open(&job.folder.at(&job.folder.series(&candidate.name, &set.name)))?;
     let store = telling_store(job, candidate)?;
     let points = read_points(&job.folder, set)?;
     let cache = job.options.page_cache_bytes;
-    let air = match set.direct {
-        true => None,
-        false => Crossings::open(&job.folder, &candidate.name, (&points, set), cache)?,
+    let gather = set.photons();
+    let air = match gather {
+        None => None,
+        Some(_) => Crossings::open(&job.folder, &candidate.name, (&points, set), cache)?,
     };
     let surfaces: Vec<String> = job.site()?.pv.iter().map(|s| s.name.clone()).collect();
     let clock = Clock::new(&job.resolved.project.site, results.timeline.year);
     let calendar = Calendar::of(results.timeline, &clock)?;
-    let maps = PointMaps::read(job, candidate, set)?;
-    let bandwidth = series_bandwidth(job, set)?;
+    let maps = PointMaps::read(job, of)?;
+    let timesteps = results.timeline.steps.len();
+    let bandwidth = gather.copied().unwrap_or_default().series_bandwidth(timesteps);
+    let asked_m = gather.and_then(|gather| gather.annual.max_radius_m);
     let widest_m = || Some(store.as_ref()?.max_radius_m(bandwidth));
     let mut reader = Reader {
         rendered: Rendered {
             hits: &hits,
             volume: &volume,
-            exact: set.direct,
+            exact: set.is_direct(),
             annual: maps.annual.data(),
             filtered: &maps.filtered,
         },
@@ -138,7 +113,7 @@ fn one(
             store: store.as_ref(),
             air: air.as_ref(),
             bandwidth,
-            max_radius_m: set.annual.max_radius_m.or_else(widest_m).unwrap_or_default(),
+            max_radius_m: asked_m.or_else(widest_m).unwrap_or_default(),
         },
         calendar: &calendar,
         surfaces: &surfaces,
@@ -192,5 +167,5 @@ fn one(
     outputs.extend([received, sensors]);
     let cache = store.as_ref().map(Store::cache_stats);
     let facts = json!({ "receivers": all.groups.len(), "cache": cache });
-    job.done(unit, key, &outputs, began, facts)
+    Ok(Made::new(outputs, facts))
 }

@@ -1,7 +1,7 @@
 //! The photon stores of a run.
 
 use crate::pages::{Access, OpenOptions, Store};
-use crate::project::{Candidate, PlannedView};
+use crate::project::Candidate;
 use crate::run::error::Error;
 use crate::run::job::Job;
 
@@ -16,10 +16,4 @@ pub(super) fn open_store(job: &Job<'_>, candidate: &Candidate) -> Result<Store, 
 /// that still lies there is left over from other settings).
 pub(super) fn telling_store(job: &Job<'_>, candidate: &Candidate) -> Result<Option<Store>, Error> {
     job.resolved.needs_photons().then(|| open_store(job, candidate)).transpose()
-}
-
-/// How many photons the series of a view is gathered from at a pixel.
-pub(super) fn series_bandwidth(job: &Job<'_>, view: &PlannedView) -> Result<usize, Error> {
-    let steps = job.timeline()?.steps.len();
-    Ok(view.series_bandwidth.unwrap_or_else(|| (3 * steps).max(4000)))
 }

@@ -1,5 +1,5 @@
-//! What was found out about the tiles of a series, kept beside it, so that an interrupted run doesn't render
-//! the tile again for it.
+//! What was found out about the tiles of a series, kept beside it, so that an interrupted run
+//! doesn't render a tile again for it.
 
 use std::fs::{File, OpenOptions};
 use std::io::{self, Read, Seek, SeekFrom, Write};
@@ -15,29 +15,22 @@ const NUMBERS: usize = 2 * TILE_EDGE * TILE_EDGE;
 /// A checksum, then the numbers.
 const RECORD: usize = 8 + 4 * NUMBERS;
 
-/// A sink with a file of notes beside it: a record for each tile, in the order of the tiles. The
-/// checksum covers the key of the run, so that notes of other settings are none.
+/// A sink with a file of notes beside it: a record for each tile, in the order of the tiles.
 pub(super) struct TileNotes<'a> {
     sink: &'a dyn TileSink,
     path: &'a Path,
-    key: &'a str,
     across: usize,
     file: Mutex<File>,
 }
 
 impl<'a> TileNotes<'a> {
     /// Opens the file or makes it. `columns`: of the picture.
-    pub fn open(
-        sink: &'a dyn TileSink,
-        path: &'a Path,
-        key: &'a str,
-        columns: usize,
-    ) -> Result<Self, Error> {
+    pub fn open(sink: &'a dyn TileSink, path: &'a Path, columns: usize) -> Result<Self, Error> {
         let mut how = OpenOptions::new();
         let file = how.read(true).write(true).create(true).truncate(false).open(path);
         let file = file.map_err(|source| Error::Write { path: path.to_owned(), source })?;
         let across = columns.div_ceil(TILE_EDGE);
-        Ok(Self { sink, path, key, across, file: Mutex::new(file) })
+        Ok(Self { sink, path, across, file: Mutex::new(file) })
     }
 
     fn at(&self, tile: TileRect) -> SeekFrom {
@@ -47,7 +40,6 @@ impl<'a> TileNotes<'a> {
 
     fn checksum(&self, tile: TileRect, numbers: &[u8]) -> [u8; 8] {
         let mut hasher = blake3::Hasher::new();
-        hasher.update(self.key.as_bytes());
         hasher.update(&[tile.row, tile.column].map(|n| n as u64).map(u64::to_le_bytes).concat());
         hasher.update(numbers);
         let mut out = [0; 8];

@@ -1,3 +1,8 @@
+//! Boundaries of CityJSON geometries: nested arrays of vertex numbers, with semantics beside them.
+//!
+//! The nesting depends on the type (a solid has shells of surfaces of rings); semantics are nested
+//! the same way but for the rings. One descent goes through both.
+
 use std::collections::HashMap;
 use std::path::Path;
 

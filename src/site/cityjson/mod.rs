@@ -8,4 +8,4 @@ mod geometry;
 mod model;
 mod read;
 
-pub(super) use read::{Read, read, read_sequence};
+pub(super) use read::{How, Read, read, read_sequence};

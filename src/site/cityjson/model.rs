@@ -1,3 +1,10 @@
+//! CityJSON as serde sees it: only what is read, everything else skipped without being kept.
+//!
+//! Files of a city have hundreds of megabytes, mostly attributes and coordinates. Boundaries are
+//! kept flat where they can be, objects in the order of the file (a map would lose it, and with it
+//! the numbers of faces), and values of a wrong type become faults with a name instead of ending
+//! the parse.
+
 use std::collections::HashMap;
 use std::fmt;
 use std::marker::PhantomData;

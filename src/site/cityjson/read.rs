@@ -1,3 +1,5 @@
+//! Reads CityJSON and CityJSONSeq: objects, levels of detail, parts, templates.
+
 use std::collections::{BTreeMap, HashMap, HashSet};
 use std::path::Path;
 
@@ -6,7 +8,7 @@ use glam::DVec3;
 use super::geometry::{Builder, Shell, depth_of, template_matrix};
 use super::model::{CityObject, Document, Geometry, Templates, Transform};
 use crate::base::Place;
-use crate::site::draft::{Draft, Full, in_reach};
+use crate::site::draft::{Draft, Full, SourceFile, in_reach};
 use crate::site::log::Log;
 
 /// What a file said about itself.
@@ -27,6 +29,15 @@ pub(in crate::site) struct Read {
     ids: HashSet<String>,
 }
 
+/// How city models are read.
+#[derive(Clone, Copy, Debug)]
+pub(in crate::site) struct How<'a> {
+    /// The level of detail; of each object its highest where none is asked for.
+    pub wanted: Option<&'a str>,
+    /// Index of the draft's material of what nothing is said about.
+    pub material: u32,
+}
+
 /// What the readers of one file share.
 struct Context<'a> {
     source: u32,
@@ -39,25 +50,25 @@ struct Context<'a> {
     log: &'a mut Log,
 }
 
+impl<'a> Context<'a> {
+    fn of(file: SourceFile<'a>, how: How<'a>, draft: &'a mut Draft, log: &'a mut Log) -> Self {
+        let SourceFile { number: source, path: file } = file;
+        let How { wanted, material } = how;
+        let (materials, read) = (named(draft), Read::default());
+        Self { source, file, wanted, material, materials, read, draft, log }
+    }
+}
+
 /// Reads a CityJSON file into the draft: of each object the level of detail `wanted`, or its
 /// highest.
 pub(in crate::site) fn read(
-    (source, file): (u32, &Path),
+    file: SourceFile<'_>,
     bytes: &[u8],
-    (wanted, material): (Option<&str>, u32),
+    how: How<'_>,
     draft: &mut Draft,
     log: &mut Log,
 ) -> Result<Read, Full> {
-    let mut context = Context {
-        materials: named(draft),
-        source,
-        file,
-        wanted,
-        material,
-        read: Read::default(),
-        draft,
-        log,
-    };
+    let mut context = Context::of(file, how, draft, log);
     if let Some(document) = context.parse(bytes, 0)
         && let Some(transform) = context.head(&document, 0)
     {
@@ -69,22 +80,13 @@ pub(in crate::site) fn read(
 
 /// Reads a CityJSONSeq file: a CityJSON document on the first line, a feature on each other one.
 pub(in crate::site) fn read_sequence(
-    (source, file): (u32, &Path),
+    file: SourceFile<'_>,
     bytes: &[u8],
-    (wanted, material): (Option<&str>, u32),
+    how: How<'_>,
     draft: &mut Draft,
     log: &mut Log,
 ) -> Result<Read, Full> {
-    let mut context = Context {
-        materials: named(draft),
-        source,
-        file,
-        wanted,
-        material,
-        read: Read::default(),
-        draft,
-        log,
-    };
+    let mut context = Context::of(file, how, draft, log);
     let mut head: Option<(Option<Transform>, Option<Templates>)> = None;
     for (i, line) in bytes.split(|&b| b == b'\n').enumerate() {
         if line.trim_ascii().is_empty() {

@@ -1,3 +1,8 @@
+//! glTF 2.0 and GLB: nodes with their transforms, meshes of triangles, materials without textures.
+//!
+//! The file's JSON is parsed by the crate `gltf`; buffers and accessors are read by our own
+//! [`super::accessor`], which bounds every offset before it is believed.
+
 use std::collections::{HashMap, HashSet};
 use std::path::Path;
 
@@ -5,7 +10,8 @@ use glam::{DMat4, DVec3};
 use gltf::mesh::Mode;
 
 use super::accessor::Buffers;
-use super::model::{Colour, Facet, Mesh};
+use super::model::{Colour, Mesh};
+use super::patches::MeshTriangle;
 use crate::base::{Place, limits};
 use crate::site::Files;
 use crate::site::log::Log;
@@ -261,7 +267,7 @@ impl Reader {
                 return Err(format!("more than {} triangles", limits::MAX_TRIANGLES));
             }
             let corners = [a, b, c].map(|i| first + order[i]);
-            self.mesh.triangles.push(Facet { corners, object, material, line: 0 });
+            self.mesh.triangles.push(MeshTriangle { corners, object, material, line: 0 });
         }
         Ok(())
     }

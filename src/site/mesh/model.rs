@@ -3,7 +3,7 @@ use std::path::Path;
 
 use glam::DVec3;
 
-use super::patches::patches;
+use super::patches::{MeshTriangle, patches};
 use crate::base::{Place, limits};
 use crate::site::Object;
 use crate::site::draft::{Draft, Full, Surface, in_reach};
@@ -18,7 +18,7 @@ pub(in crate::site) struct Mesh {
     /// Groups of objects: parent, child.
     pub parts: Vec<(String, String)>,
     pub materials: Vec<Colour>,
-    pub triangles: Vec<Facet>,
+    pub triangles: Vec<MeshTriangle>,
     /// Faces of more than three corners: where their corners lie in `corners`.
     pub polygons: Vec<Polygon>,
     pub corners: Vec<u32>,
@@ -29,16 +29,6 @@ pub(in crate::site) struct Mesh {
 pub(in crate::site) struct Colour {
     pub name: String,
     pub reflectance: Option<[f32; 3]>,
-}
-
-/// A triangle: indices into points, objects and materials.
-#[derive(Clone, Copy, Debug)]
-pub(in crate::site) struct Facet {
-    pub corners: [u32; 3],
-    pub object: u32,
-    pub material: u32,
-    /// Line in the file; 0 where lines mean nothing.
-    pub line: u32,
 }
 
 #[derive(Clone, Debug)]
@@ -133,7 +123,7 @@ impl Mesh {
             draft.add_surface(surface(shape, polygon.object, polygon.material, polygon.line))?;
         }
         for patch in patches(&self.points, &self.triangles) {
-            let facet = self.triangles[patch[0] as usize];
+            let first_triangle = self.triangles[patch[0] as usize];
             let points = (0..3 * patch.len()).map(|i| {
                 let corner = match (owner.mirrored, i % 3) {
                     (true, 1) => 2,
@@ -143,7 +133,12 @@ impl Mesh {
                 self.points[self.triangles[patch[i / 3] as usize].corners[corner] as usize]
             });
             let shape = draft.add_flat(points)?;
-            draft.add_surface(surface(shape, facet.object, facet.material, facet.line))?;
+            draft.add_surface(surface(
+                shape,
+                first_triangle.object,
+                first_triangle.material,
+                first_triangle.line,
+            ))?;
         }
         Ok(())
     }

@@ -1,9 +1,12 @@
+//! Wavefront OBJ and MTL: faces by object or group, diffuse colours by material.
+
 use std::collections::{BTreeMap, HashMap};
 use std::path::Path;
 
 use glam::DVec3;
 
-use super::model::{Colour, Facet, Mesh, Polygon};
+use super::model::{Colour, Mesh, Polygon};
+use super::patches::MeshTriangle;
 use crate::base::{Place, limits};
 use crate::site::Files;
 use crate::site::log::Log;
@@ -179,7 +182,12 @@ impl Reader<'_> {
                 limits::MAX_POLYGON_VERTICES
             ));
         } else if let &[a, b, c] = corners {
-            self.mesh.triangles.push(Facet { corners: [a, b, c], object, material, line: number });
+            self.mesh.triangles.push(MeshTriangle {
+                corners: [a, b, c],
+                object,
+                material,
+                line: number,
+            });
         }
         if let Some(message) = wrong {
             self.mesh.corners.truncate(first);

@@ -1,8 +1,15 @@
+//! PLY: text or binary of either byte order, vertices and faces of any size.
+//!
+//! The header says which properties an element has, in which order and of which type, so a body can
+//! only be read value by value. Counts are claims: nothing is allocated by them, and reading ends
+//! where the file ends. After Turk 1994, "The PLY polygon file format".
+
 use std::path::Path;
 
 use glam::DVec3;
 
-use super::model::{Colour, Facet, Mesh, Polygon};
+use super::model::{Colour, Mesh, Polygon};
+use super::patches::MeshTriangle;
 use crate::base::{Place, limits};
 use crate::site::log::Log;
 
@@ -163,13 +170,18 @@ impl Values<'_> {
     }
 }
 
+/// What the body's elements are read into.
+struct Body<'a> {
+    values: Values<'a>,
+    mesh: Mesh,
+}
+
 fn body(header: &Header, bytes: &[u8], stem: String) -> Result<Mesh, Wrong> {
     let material = Colour { name: "default".to_owned(), reflectance: None };
-    let mut mesh = Mesh { objects: vec![stem], materials: vec![material], ..Mesh::default() };
-    let mut values = Values { encoding: header.encoding, bytes };
+    let mesh = Mesh { objects: vec![stem], materials: vec![material], ..Mesh::default() };
+    let mut body = Body { values: Values { encoding: header.encoding, bytes }, mesh };
     for element in &header.elements {
-        let axis = |axis: &str| element.properties.iter().position(|p| p.name == axis);
-        let axes = [axis("x"), axis("y"), axis("z")];
+        let axes = ["x", "y", "z"].map(|a| element.properties.iter().position(|p| p.name == a));
         let is_vertex = element.name == "vertex";
         if is_vertex && axes.contains(&None) {
             return Err((0, "element vertex lacks x, y or z".to_owned()));
@@ -178,78 +190,113 @@ fn body(header: &Header, bytes: &[u8], stem: String) -> Result<Mesh, Wrong> {
         if element.properties.is_empty() {
             continue;
         }
-        for i in 0..element.count {
-            if mesh.full() {
+        for number in 1..=element.count {
+            if body.mesh.full() {
                 return Err((0, format!("more than {} faces", limits::MAX_TRIANGLES)));
             }
-            let mut at = [0.0; 3];
-            let first = mesh.corners.len();
-            for (p, property) in element.properties.iter().enumerate() {
-                let ended = || {
-                    let (name, count) = (&element.name, element.count);
-                    (
-                        0,
-                        format!(
-                            "the header claims {count} times {name}; number {} is cut short or no number",
-                            i + 1
-                        ),
-                    )
-                };
-                let Some(length) = property.length else {
-                    let value = values.next(property.scalar).ok_or_else(ended)?;
-                    if let Some(k) = axes.iter().position(|&a| a == Some(p)).filter(|_| is_vertex) {
-                        at[k] = value;
-                    }
-                    continue;
-                };
-                let length = values.next(length).ok_or_else(ended)?;
-                let corners = element.name == "face" && property.name.starts_with("vertex_ind");
-                if corners && !(0.0..=limits::MAX_POLYGON_VERTICES as f64).contains(&length) {
-                    return Err((0, format!("face {} claims {length} vertices", i + 1)));
-                }
-                // The length is a claim: values are taken one by one until the file ends.
-                for _ in 0..length.max(0.0) as u64 {
-                    let value = values.next(property.scalar).ok_or_else(ended)?;
-                    if corners {
-                        if !(0.0..mesh.points.len() as f64).contains(&value) {
-                            return Err((
-                                0,
-                                format!(
-                                    "face {} names vertex {value} of {}",
-                                    i + 1,
-                                    mesh.points.len()
-                                ),
-                            ));
-                        }
-                        mesh.corners.push(value as u32);
-                    }
-                }
-            }
             if is_vertex {
-                let at = DVec3::from(at);
-                if !at.is_finite() {
-                    return Err((0, format!("vertex {} lies at {at}", i + 1)));
-                }
-                mesh.points.push(at);
-                continue;
-            }
-            match mesh.corners[first..] {
-                [a, b, c] => {
-                    mesh.corners.truncate(first);
-                    mesh.triangles.push(Facet {
-                        corners: [a, b, c],
-                        object: 0,
-                        material: 0,
-                        line: 0,
-                    });
-                }
-                [_, _, _, _, ..] => {
-                    let corners = first as u32..mesh.corners.len() as u32;
-                    mesh.polygons.push(Polygon { corners, object: 0, material: 0, line: 0 });
-                }
-                _ => mesh.corners.truncate(first),
+                body.vertex(element, number, axes)?;
+            } else {
+                body.face(element, number)?;
             }
         }
     }
-    Ok(mesh)
+    Ok(body.mesh)
+}
+
+impl Body<'_> {
+    /// The next value of the `number`-th element of a kind.
+    fn value(&mut self, element: &Element, number: u64, scalar: Scalar) -> Result<f64, Wrong> {
+        self.values.next(scalar).ok_or_else(|| {
+            let Element { name, count, .. } = element;
+            let what = format!(
+                "the header claims {count} times {name}; number {number} is cut short or no number"
+            );
+            (0, what)
+        })
+    }
+
+    /// The values of a property: one, or as many as the list says.
+    fn values(
+        &mut self,
+        (element, number): (&Element, u64),
+        property: &Property,
+        mut take: impl FnMut(&mut Mesh, f64) -> Result<(), Wrong>,
+    ) -> Result<(), Wrong> {
+        let length = match property.length {
+            None => 1.0,
+            Some(scalar) => self.value(element, number, scalar)?,
+        };
+        if is_corners(element, property)
+            && !(0.0..=limits::MAX_POLYGON_VERTICES as f64).contains(&length)
+        {
+            return Err((0, format!("face {number} claims {length} vertices")));
+        }
+        // The length is a claim: values are taken one by one until the file ends.
+        for _ in 0..length.max(0.0) as u64 {
+            let value = self.value(element, number, property.scalar)?;
+            take(&mut self.mesh, value)?;
+        }
+        Ok(())
+    }
+
+    fn vertex(
+        &mut self,
+        element: &Element,
+        number: u64,
+        axes: [Option<usize>; 3],
+    ) -> Result<(), Wrong> {
+        let mut at = [0.0; 3];
+        for (p, property) in element.properties.iter().enumerate() {
+            let axis =
+                axes.iter().position(|&a| a == Some(p)).filter(|_| property.length.is_none());
+            self.values((element, number), property, |_, value| {
+                if let Some(axis) = axis {
+                    at[axis] = value;
+                }
+                Ok(())
+            })?;
+        }
+        let at = DVec3::from(at);
+        if !at.is_finite() {
+            return Err((0, format!("vertex {number} lies at {at}")));
+        }
+        self.mesh.points.push(at);
+        Ok(())
+    }
+
+    /// A face, or anything else, of which nothing is kept.
+    fn face(&mut self, element: &Element, number: u64) -> Result<(), Wrong> {
+        let first = self.mesh.corners.len();
+        for property in &element.properties {
+            let corners = is_corners(element, property);
+            self.values((element, number), property, |mesh, value| {
+                let count = mesh.points.len();
+                if corners && !(0.0..count as f64).contains(&value) {
+                    return Err((0, format!("face {number} names vertex {value} of {count}")));
+                }
+                mesh.corners.extend(corners.then_some(value as u32));
+                Ok(())
+            })?;
+        }
+        let mesh = &mut self.mesh;
+        match mesh.corners[first..] {
+            [a, b, c] => {
+                let corners = [a, b, c];
+                mesh.triangles.push(MeshTriangle { corners, object: 0, material: 0, line: 0 });
+                mesh.corners.truncate(first);
+            }
+            [_, _, _, _, ..] => {
+                let corners = first as u32..mesh.corners.len() as u32;
+                mesh.polygons.push(Polygon { corners, object: 0, material: 0, line: 0 });
+            }
+            _ => mesh.corners.truncate(first),
+        }
+        Ok(())
+    }
+}
+
+/// Whether a property lists the corners of faces.
+fn is_corners(element: &Element, property: &Property) -> bool {
+    element.name == "face" && property.name.starts_with("vertex_ind") && property.length.is_some()
 }

@@ -3,7 +3,8 @@ use std::path::Path;
 
 use glam::DVec3;
 
-use super::model::{Colour, Facet, Mesh};
+use super::model::{Colour, Mesh};
+use super::patches::MeshTriangle;
 use crate::base::{Place, limits};
 use crate::site::log::Log;
 
@@ -69,7 +70,7 @@ fn binary(mesh: &mut Mesh, bytes: &[u8], name: String) -> Result<(), (usize, Str
             mesh.points.push(at);
         }
         let corners = [first, first + 1, first + 2];
-        mesh.triangles.push(Facet { corners, object: 0, material: 0, line: 0 });
+        mesh.triangles.push(MeshTriangle { corners, object: 0, material: 0, line: 0 });
     }
     Ok(())
 }
@@ -108,7 +109,7 @@ fn text(mesh: &mut Mesh, text: &str, stem: &str) -> Result<(), (usize, String)> 
                 }
                 let end = mesh.points.len() as u32;
                 let corners_of = [end - 3, end - 2, end - 1];
-                mesh.triangles.push(Facet {
+                mesh.triangles.push(MeshTriangle {
                     corners: corners_of,
                     object,
                     material: 0,
@@ -116,11 +117,11 @@ fn text(mesh: &mut Mesh, text: &str, stem: &str) -> Result<(), (usize, String)> 
                 });
                 corners = 0;
             }
-            "" | "facet" | "outer" | "endfacet" | "endsolid" => {}
+            "" | "triangle" | "outer" | "endtriangle" | "endsolid" => {}
             other => {
                 return Err((
                     number,
-                    format!("expected facet, vertex or endloop, found `{other}`"),
+                    format!("expected triangle, vertex or endloop, found `{other}`"),
                 ));
             }
         }

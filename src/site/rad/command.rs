@@ -1,3 +1,10 @@
+//! `!xform` and `!cat` lines of Radiance scenes, executed here instead of by a shell.
+//!
+//! Scenes of offices are mostly arrays of `!xform`; a program that ran a shell on somebody's scene
+//! file would execute whatever stands there. So the line is split as a shell would split it,
+//! everything that a shell would expand is refused by name, and the options of `xform` (arrays,
+//! `-f` files of arguments, pipes into further `xform`s) are followed after Radiance's manual page.
+
 use glam::DVec3;
 
 use super::transform::Transform;

@@ -1,3 +1,5 @@
+//! Words of a Radiance scene file, each with its line and column.
+
 use std::path::Path;
 
 use crate::base::Place;

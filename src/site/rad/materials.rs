@@ -1,3 +1,5 @@
+//! Materials of Radiance as far as we need them: a diffuse reflectance, and whether rays pass.
+
 use crate::site::Material;
 
 /// What a primitive type is to us.
@@ -19,76 +21,35 @@ pub(super) enum Class {
     Unknown,
 }
 
-const SURFACES: [&str; 9] =
-    ["polygon", "sphere", "bubble", "cylinder", "tube", "cone", "cup", "ring", "source"];
-const NESTED: [&str; 2] = ["instance", "mesh"];
-const MATERIALS: [&str; 29] = [
-    "plastic",
-    "metal",
-    "trans",
-    "mirror",
-    "glass",
-    "dielectric",
-    "interface",
-    "light",
-    "glow",
-    "spotlight",
-    "illum",
-    "plastic2",
-    "metal2",
-    "trans2",
-    "ashik2",
-    "prism1",
-    "prism2",
-    "plasfunc",
-    "metfunc",
-    "transfunc",
-    "plasdata",
-    "metdata",
-    "transdata",
-    "BRTDfunc",
-    "BSDF",
-    "aBSDF",
-    "WGMDfunc",
-    "ashikhmin",
-    "directfunc",
+/// Types of the reference manual by what they are to us.
+const TYPES: [(Class, &str); 6] = [
+    (Class::Surface, "polygon sphere bubble cylinder tube cone cup ring source"),
+    (Class::Nested, "instance mesh"),
+    (
+        Class::Material,
+        "plastic metal trans mirror glass dielectric interface light glow spotlight illum \
+    plastic2 metal2 trans2 ashik2 prism1 prism2 plasfunc metfunc transfunc plasdata metdata \
+    transdata BRTDfunc BSDF aBSDF WGMDfunc ashikhmin directfunc",
+    ),
+    (
+        Class::Pattern,
+        "texfunc texdata colorfunc colordata colorpict brightfunc brightdata brighttext colortext \
+    spectrum specfile specfunc specdata specpict",
+    ),
+    (Class::Mixture, "mixfunc mixdata mixpict mixtext"),
+    (Class::Invisible, "antimatter mist"),
 ];
-const PATTERNS: [&str; 14] = [
-    "texfunc",
-    "texdata",
-    "colorfunc",
-    "colordata",
-    "colorpict",
-    "brightfunc",
-    "brightdata",
-    "brighttext",
-    "colortext",
-    "spectrum",
-    "specfile",
-    "specfunc",
-    "specdata",
-    "specpict",
-];
-const MIXTURES: [&str; 4] = ["mixfunc", "mixdata", "mixpict", "mixtext"];
-const INVISIBLE: [&str; 2] = ["antimatter", "mist"];
 
 /// What a primitive type is to us.
 pub(super) fn classify(kind: &str) -> Class {
-    let table: [(&[&str], Class); 6] = [
-        (&SURFACES, Class::Surface),
-        (&NESTED, Class::Nested),
-        (&MATERIALS, Class::Material),
-        (&PATTERNS, Class::Pattern),
-        (&MIXTURES, Class::Mixture),
-        (&INVISIBLE, Class::Invisible),
-    ];
-    table.iter().find(|(names, _)| names.contains(&kind)).map_or(Class::Unknown, |&(_, c)| c)
+    let known = TYPES.iter().find(|(_, names)| names.split(' ').any(|name| name == kind));
+    known.map_or(Class::Unknown, |&(class, _)| class)
 }
 
 /// A surface type that a misspelt one may mean.
 pub(super) fn nearest_surface(kind: &str) -> Option<&'static str> {
-    let close = |name: &&&str| strsim::damerau_levenshtein(kind, name) <= 2;
-    SURFACES.iter().chain(&NESTED).find(close).copied()
+    let mut surfaces = TYPES[..2].iter().flat_map(|(_, names)| names.split(' '));
+    surfaces.find(|name| strsim::damerau_levenshtein(kind, name) <= 2)
 }
 
 /// What was made of a material definition.

@@ -1,3 +1,9 @@
+//! What a modifier's name means at a place of a Radiance scene.
+//!
+//! Radiance resolves names by order: a definition holds until the next one of its name, over all
+//! files. Surfaces may stand before their material when a later file defines it, so unknown names
+//! wait until the end.
+
 use std::collections::{BTreeMap, HashMap, HashSet};
 
 use crate::base::Place;

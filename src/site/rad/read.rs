@@ -1,3 +1,5 @@
+//! Reads Radiance scenes: primitives one after the other, includes in their place.
+
 use std::path::Path;
 
 use super::command::{self, Command, Copy};
@@ -7,19 +9,20 @@ use super::materials::{self, Class};
 use super::names::Names;
 use crate::base::{Place, limits};
 use crate::site::Files;
-use crate::site::draft::{Draft, Full};
+use crate::site::draft::{Draft, Full, SourceFile};
 use crate::site::log::Log;
 
 /// Reads a scene file, and what it includes, into the draft. Faults go to the log; reading goes on
 /// with the next primitive until the log is full.
 pub(in crate::site) fn read(
-    (source, file): (u32, &Path),
+    file: SourceFile<'_>,
     text: &str,
     files: &Files,
     names: &mut Names,
     draft: &mut Draft,
     log: &mut Log,
 ) -> Result<(), Full> {
+    let SourceFile { number: source, path: file } = file;
     let mut included = Included::new(files, file);
     let mut reader = Reader {
         lexer: Lexer::new(text),

@@ -1,3 +1,8 @@
+//! Curved primitives of Radiance as triangles: balls, cylinders, cones, rings.
+//!
+//! The number of chords follows from the largest distance that a chord may lie inside its circle, a
+//! centimetre: what matters is where a shadow's edge falls, not how round a ball looks.
+
 use glam::DVec3;
 
 use crate::base::Frame;

@@ -1,3 +1,5 @@
+//! Primitives of Radiance that have geometry, put into the draft.
+
 use glam::DVec3;
 
 use super::command::{self, Command, Copy};

@@ -1,3 +1,5 @@
+//! GeoTIFF: heights, where they stand, and the units that are refused.
+
 use std::io::Cursor;
 
 use glam::{DMat2, DVec2};

@@ -1,3 +1,11 @@
+//! Triangulating a square of heights to a stated error, without cracks.
+//!
+//! The mesh follows a hierarchy of right triangles: each is halved from its right angle to the
+//! middle of its longest edge (Evans, Kirkpatrick, Townsend 2001, "Right-Triangulated Irregular
+//! Networks", Algorithmica 30). A middle is a corner of the mesh where a triangle that has it is
+//! off by more than the bound, measured at every height inside, or where one of its halves needs
+//! it: so no crack opens.
+
 /// Largest vertical distance between a grid's height and the triangles that stand for it, m.
 pub(in crate::site) const ERROR_M: f32 = 0.1;
 /// Cells along the edge of a tile, at most.
@@ -6,11 +14,7 @@ pub(super) const MAX_EDGE: usize = 256;
 /// A triangle of a tile: its corners' columns and rows.
 pub(super) type Corners = [(usize, usize); 3];
 
-/// A square of heights whose triangulation follows a hierarchy of right triangles: each is halved
-/// from its right angle to the middle of its longest edge (Evans, Kirkpatrick, Townsend 2001,
-/// "Right-Triangulated Irregular Networks", Algorithmica 30). A middle is a corner of the mesh
-/// where a triangle that has it is off by more than the bound, measured at every height inside, or
-/// where one of its halves needs it: so no crack opens.
+/// A square of heights, and how far off the mesh would be without each of them.
 pub(super) struct Tile {
     /// Cells along the edge: a power of two.
     pub size: usize,

@@ -3,7 +3,7 @@
 use glam::Vec3;
 
 use super::*;
-use crate::base::{Aabb, Gate, GateSheet, SpectralBasis, Timeline, Timestep};
+use crate::base::{Aabb, SensorSheet, SpectralBasis, Timeline, Timestep, VirtualSensor};
 use crate::bsdf::{Bsdf, Chart, Cone, Model, Square, on_circle};
 use crate::site::{Bvh, Face, Material, Object, PvSurface, Site, Triangle};
 use crate::trace::Settings;
@@ -310,8 +310,8 @@ fn squares_give_what_whole_lobes_give() {
     }
 }
 
-/// Gates low, high and beside the PV, some overlapping, turned to the PV or not.
-fn gates(count: usize, radius_m: [f64; 2]) -> Vec<Gate> {
+/// Virtual sensors low, high and beside the PV, some overlapping, turned to the PV or not.
+fn sensors(count: usize, radius_m: [f64; 2]) -> Vec<VirtualSensor> {
     let mut random = Stream::new(11, Purpose::Survey, 0);
     let mut one = |low: f64, high: f64| low + (high - low) * random.uniform();
     (0..count)
@@ -320,13 +320,13 @@ fn gates(count: usize, radius_m: [f64; 2]) -> Vec<Gate> {
             let turned = DVec3::new(one(-1.0, 1.0), one(-1.0, 1.0), one(-1.0, 1.0));
             // Most look to the middle of the scene.
             let normal = (turned - centre / 25.0).normalize();
-            Gate { centre, normal, radius_m: one(radius_m[0], radius_m[1]) }
+            VirtualSensor { centre, normal, radius_m: one(radius_m[0], radius_m[1]) }
         })
         .collect()
 }
 
-fn through(gates: &[Gate]) -> Through<'_> {
-    Through { gates, sheet: GateSheet::new(gates.len(), 3.0), most: 1 << 24 }
+fn through(sensors: &[VirtualSensor]) -> Through<'_> {
+    Through { sensors, sheet: SensorSheet::new(sensors.len(), 3.0), most: 1 << 24 }
 }
 
 #[test]
@@ -337,9 +337,9 @@ fn whatever_crosses_a_gate_lies_between_its_horizons() {
     let emission =
         Emission { site: &site, timeline: &timeline, bsdfs: vec![&bsdf; 4], settings: SETTINGS };
     for count in [1, 3, 40] {
-        let gates = gates(count, [0.1, 0.6]);
-        let tracer = Tracer::through(&emission, &through(&gates)).expect("fits");
-        let tree = tracer.gates.as_ref().expect("there");
+        let sensors = sensors(count, [0.1, 0.6]);
+        let tracer = Tracer::through(&emission, &through(&sensors)).expect("fits");
+        let tree = tracer.sensors.as_ref().expect("there");
         let (mut crossed, mut dropped, mut missed) = (0_u32, 0_u32, 0_u32);
         for i in 0..60_000 {
             let mut random = Stream::new(count as u64, Purpose::Survey, i);
@@ -347,10 +347,10 @@ fn whatever_crosses_a_gate_lies_between_its_horizons() {
             let emitter = &tracer.emitters[index];
             let piece = emitter.piece(emitter.all(), 1.0, &mut random);
             let start = emitter.point(piece, &mut random);
-            // Half of them at a gate, half anywhere.
+            // Half of them at a virtual sensor, half anywhere.
             let mut jitter = || 2.0 * random.uniform() - 1.0;
             let away = DVec3::new(jitter(), jitter(), jitter());
-            let target = gates[i as usize % count].centre - start;
+            let target = sensors[i as usize % count].centre - start;
             let direction = if i % 2 == 0 { target + 0.5 * away } else { away }.normalize();
             if emitter.frame.z.dot(direction) <= 0.0 {
                 continue;
@@ -371,33 +371,34 @@ fn whatever_crosses_a_gate_lies_between_its_horizons() {
                 dropped += u32::from(clears);
             }
         }
-        println!("{count} gates: {crossed} crossings; {dropped} of {missed} misses dropped");
+        println!("{count} sensors: {crossed} crossings; {dropped} of {missed} misses dropped");
         assert!(crossed > 100 && dropped > missed / 4, "{count}: {crossed}, {dropped}, {missed}");
     }
 }
 
-/// Aimed at gates or drawn from whole lobes, the same flux crosses each, at each timestep.
+/// Aimed at virtual sensors or drawn from whole lobes, the same flux crosses each, at each timestep.
 #[test]
 fn aiming_at_gates_changes_nothing_but_the_effort() {
     let site = scene(4, &four());
     let timeline = days(12);
-    let gates = gates(24, [1.0, 3.0]);
+    let sensors = sensors(24, [1.0, 3.0]);
     for (kind, bsdf) in kinds().iter().enumerate() {
         let emission =
             Emission { site: &site, timeline: &timeline, bsdfs: vec![bsdf; 4], settings: SETTINGS };
         let found = [true, false].map(|cut| {
-            let gates = Gates::of(&through(&gates));
-            let tracer = Tracer::with(&emission, cut, Some(gates)).expect("fits");
+            let sensors = SensorTree::of(&through(&sensors));
+            let tracer = Tracer::with(&emission, cut, Some(sensors)).expect("fits");
             let emitted = if cut { 60_000 } else { 200_000 };
-            let draw = Draw { purpose: Purpose::Gate, seed: u64::from(cut), emitted };
+            let draw = Draw { purpose: Purpose::Sensor, seed: u64::from(cut), emitted };
             let batch = tracer.send(draw, 0..emitted, true);
             assert_eq!(batch.tally.missing_photons(), 0);
             assert!(batch.tally.missing_flux() < 1e-9, "{:?}", batch.tally);
             let share = batch.tally.stored.photons as f64 / emitted as f64;
             let mut flux = vec![0.0; 24 + timeline.steps.len()];
             for p in &batch.photons {
-                let cell = (0..24).find(|&g| GateSheet::new(24, 3.0).cell(g).contains(p.position));
-                flux[cell.expect("of a gate")] += f64::from(p.flux_w);
+                let cell =
+                    (0..24).find(|&g| SensorSheet::new(24, 3.0).cell(g).contains(p.position));
+                flux[cell.expect("of a sensor")] += f64::from(p.flux_w);
                 flux[24 + p.timestep as usize] += f64::from(p.flux_w);
                 assert!(p.normal.dot(p.direction) > 0.0);
             }
@@ -413,7 +414,7 @@ fn aiming_at_gates_changes_nothing_but_the_effort() {
             }
         }
         println!("kind {kind}: {cut_share:.4} of {whole_share:.4}: chi2 {chi:.0} of {degrees}");
-        // Some photons cross two gates: a little wider than counts.
+        // Some photons cross two virtual sensors: a little wider than counts.
         let limit = degrees + 5.0 * (2.0 * degrees).sqrt();
         assert!(degrees > 5.0 && chi < limit, "kind {kind}: {chi} for {degrees} cells");
     }

@@ -42,9 +42,9 @@ void mesh plain 1 house.obj 0 0
         says(&files.refusal("s.rad", text), words);
     }
     // Copies of copies of copies end by their number, not by the clock.
-    let start = Instant::now();
+    let start = cpu_time();
     files.write("a.rad", "!xform -a 100000 -t 0 0 0 b.rad\n");
     files.write("b.rad", "!xform -a 100000 -t 0 0 0 tree.rad\n");
     says(&files.refusal("s.rad", "!cat a.rad\n"), &["bytes of text"]);
-    assert!(start.elapsed() < Duration::from_secs(60));
+    assert!(cpu_time() - start < Duration::from_secs(60));
 }

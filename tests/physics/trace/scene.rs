@@ -1,12 +1,13 @@
 //! Scenes made quad by quad, suns, and what is traced in them.
 
+use crate::support::photons::{plan, run};
 use glam::{DVec3, Vec3};
 use glintmap::base::{
     Aabb, Photon, PhotonSink, Silent, SinkError, SpectralBasis, Tally, Timeline, Timestep,
 };
 use glintmap::bsdf::{Bsdf, Model};
 use glintmap::site::{Bvh, Face, Material, Object, PvSurface, Site, Triangle};
-use glintmap::trace::{Emission, Plan, Receivers, Settings, plan, run};
+use glintmap::trace::{Emission, Plan, Receivers, Settings};
 
 /// A scene made quad by quad.
 pub struct Scene(Site);

@@ -116,9 +116,16 @@ rules = ["paper-2018"]
 const README: &str = r#"# The tiny project
 
 Ground, a wall and one roof of photovoltaics; four days in June. It runs in seconds: tests compare
-the hashes of everything that it leaves behind.
+everything that it leaves behind, byte by byte, with `fixtures/tiny-hashes.json` and say what differs
+by `fixtures/tiny-run.tar.zst`, the run itself without pictures and photons.
 
 ```
 cargo run -p glintmap-tools -- tiny fixtures/projects/tiny
+```
+
+Both are written anew, once a change is understood, by
+
+```
+GLINTMAP_BLESS=1 cargo test --test all the_tiny_project_has_the_committed_bytes
 ```
 "#;

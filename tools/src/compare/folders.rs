@@ -189,3 +189,86 @@ fn series(old: &Path, new: &Path) -> Result<Vec<String>> {
     out.extend(said.map(|said| format!("irradiance: {said}")));
     Ok(out)
 }
+
+#[cfg(test)]
+mod tests {
+    use glintmap::base::Grid;
+    use glintmap::picture::exr;
+    use glintmap_formats::npy;
+
+    use super::*;
+
+    /// A run folder with one file of each kind; `nudged` in one number each.
+    fn written(folder: &Path, nudged: bool, settings: &str) {
+        let by = if nudged { 0.25 } else { 0.0 };
+        let mut map = Grid::filled(4, 3, 1.5_f32);
+        map[(2, 1)] += by;
+        let same = Grid::filled(4, 3, 2.0_f32);
+        let header = [("glintmap.settings".to_owned(), settings.to_owned())];
+        exr::write(&folder.join("annual.exr"), &[("e", &map), ("radius", &same)], &header)
+            .expect("writes");
+        let dark = if nudged { 0 } else { 7 };
+        npy::write(&folder.join("counts.npy"), &[2, 2], &[1, 2, dark, 4]).expect("writes");
+        let write = |name: &str, text: String| fs::write(folder.join(name), text).expect("writes");
+        write("manifest.json", format!("{{\"suns\": \"{settings}\"}}"));
+        write("receivers.json", format!("{{\"peak\": {}}}", 10.0 + by));
+        write("sensors.csv", format!("name,e\nwall,{}\n", 3.0 + by));
+        write("report.html", format!("<p>settings {settings}</p>\n<p>{} h</p>\n", 3.0 + by));
+        let raw = folder.join("raw.npy");
+        let numbers: Vec<f32> = (0..8).map(|i| if i == 5 { 1.0 + by } else { 0.5 }).collect();
+        npy::write(&raw, &[2, 2, 2], &numbers).expect("writes");
+    }
+
+    fn told(old: (bool, &str), new: (bool, &str), what: What) -> String {
+        let folders =
+            [tempfile::tempdir().expect("a folder"), tempfile::tempdir().expect("a folder")];
+        for (folder, (nudged, settings)) in folders.iter().zip([old, new]) {
+            written(folder.path(), nudged, &settings.repeat(64));
+        }
+        let [old, new] = &folders;
+        compare(old.path(), new.path(), what).expect("compares").to_string()
+    }
+
+    #[test]
+    fn a_number_that_differs_is_told_by_file_channel_place_and_amount() {
+        let all = told((false, "a"), (true, "a"), What::Values);
+        for words in [
+            "annual.exr\n    e: 1 of 12 pixels differ, by up to 0.2500 (row 1, column 2: 1.5 -> 1.75;",
+            "counts.npy\n    values: 1 of 4 values differ, by up to 7.000 (row 1, column 0: 7 -> 0;",
+            "; 1 became 0, 0 were 0",
+            "raw.npy\n    values: 1 of 8 values differ, by up to 0.2500 (timestep 1, row 0, column 1: 1 -> 1.25;",
+            "receivers.json\n    /peak: 10 -> 10.25",
+            "sensors.csv\n    column e: 1 of 1 rows differ by up to 0.250000 (line 2: 3 -> 3.25)",
+            "report.html\n    line 2: <p>3 h</p> -> <p>3.25 h</p>",
+            "6 of 6 files differ",
+        ] {
+            assert!(all.contains(words), "{words} isn't in\n{all}");
+        }
+        assert!(!all.contains("radius"), "{all}");
+    }
+
+    #[test]
+    fn hashes_of_settings_are_told_unless_values_are_asked_for() {
+        let all = told((false, "a"), (false, "b"), What::Everything);
+        for words in
+            ["annual.exr\n    header, glintmap.settings", "manifest.json\n    /suns", "report.html"]
+        {
+            assert!(all.contains(words), "{words} isn't in\n{all}");
+        }
+        assert_eq!(told((false, "a"), (false, "b"), What::Values), "0 of 6 files differ");
+        assert_eq!(told((true, "a"), (true, "a"), What::Everything), "0 of 7 files differ");
+    }
+
+    #[test]
+    fn a_file_that_only_one_has_is_told() {
+        let folders =
+            [tempfile::tempdir().expect("a folder"), tempfile::tempdir().expect("a folder")];
+        let [old, new] = [folders[0].path(), folders[1].path()];
+        fs::write(old.join("a.csv"), "x\n").expect("writes");
+        fs::create_dir(new.join("log")).expect("makes");
+        fs::write(new.join("log/run.jsonl"), "{}").expect("writes");
+        let report = compare(old, new, What::Values).expect("compares");
+        let expected = ("a.csv".to_owned(), format!("only in {}", old.display()));
+        assert_eq!(report.findings, [expected]);
+    }
+}

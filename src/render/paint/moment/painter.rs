@@ -1,4 +1,13 @@
-use std::f64::consts::{FRAC_1_PI, PI};
+//! The scene at an instant, in true luminances.
+//!
+//! Unlike the daylight background this picture is measured by others (`evalglare` and the eye), so
+//! its luminances are right: the sun's disc whole, a clear sky, surfaces that reflect both once,
+//! and PV that scatters by its BSDF. The sun's reflection is integrated over the disc at each place
+//! that a pixel looks at, because it may be a millionth of the picture's area and most of its
+//! light; pixels that show it, or an edge, are looked at more often. The sky's light is shared out
+//! among neighbouring pixels of one surface, as in [`super::super::background`].
+
+use std::f64::consts::FRAC_1_PI;
 
 use glam::{DVec3, Vec3};
 use rayon::prelude::*;
@@ -7,6 +16,7 @@ use super::sky::ClearSky;
 use crate::base::{Frame, Grid, Progress, Purpose, Stream};
 use crate::render::paint::palette;
 use crate::render::paint::palette::Palette;
+use crate::render::paint::sky_directions::directions;
 use crate::render::reflect::eye::{EyeMaterial, SunAt};
 use crate::render::view::camera::{View, ViewRay};
 use crate::render::view::error::Error;
@@ -54,15 +64,6 @@ impl<'a> Moment<'a> {
         lm_per_w: f64,
         materials: Vec<EyeMaterial<'a>>,
     ) -> Self {
-        let count = SKY_RAYS * SQUARE * SQUARE;
-        let golden = PI * (3.0 - 5.0_f64.sqrt());
-        let directions = (0..count)
-            .map(|i| {
-                let r2 = (i as f64 + 0.5) / count as f64;
-                let (r, angle) = (r2.sqrt(), golden * i as f64);
-                DVec3::new(r * libm::cos(angle), r * libm::sin(angle), (1.0 - r2).sqrt())
-            })
-            .collect();
         Self {
             sky: ClearSky::new(sun.direction, sun.irradiance_w_m2 * lm_per_w),
             watts: lm_per_w / WATT_LM,
@@ -72,7 +73,7 @@ impl<'a> Moment<'a> {
             month,
             sun,
             materials,
-            directions,
+            directions: directions(SKY_RAYS * SQUARE * SQUARE).collect(),
         }
     }
 

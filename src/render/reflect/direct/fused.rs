@@ -6,8 +6,8 @@ use rayon::prelude::*;
 use super::scene::Direct;
 use super::series::{Buffers, Tiles};
 use super::series::{DirectSummary, TileYear};
+use crate::base::Irradiance;
 use crate::base::{Progress, SinkError, TileRect, TileSink};
-use crate::render::gather::series::Quantity;
 use crate::render::view::error::Error;
 use crate::render::view::hits::HitMap;
 
@@ -15,7 +15,7 @@ use crate::render::view::hits::HitMap;
 /// keeps no series: the numbers that [`super::series::direct_series`] writes, to the last bit.
 pub struct FusedDirect<'a> {
     tiles: Tiles<'a>,
-    quantity: Quantity,
+    quantity: Irradiance,
     /// What was met.
     pub summary: DirectSummary,
     /// Numbers other than 0 in all pixels, by timestep.
@@ -30,7 +30,7 @@ impl<'a> FusedDirect<'a> {
     pub fn prepare(
         direct: &'a Direct<'a>,
         hits: &'a HitMap,
-        (quantity, whole): (Quantity, Option<&dyn TileSink>),
+        (quantity, whole): (Irradiance, Option<&dyn TileSink>),
         keep: &(dyn Fn(TileRect, &TileYear) -> Result<(), SinkError> + Sync),
         progress: &dyn Progress,
     ) -> Result<Self, Error> {

@@ -2,7 +2,7 @@
 
 use super::kernel::{Point, Sums};
 use super::suns::Suns;
-use crate::render::gather::estimate::MIN_COS;
+use crate::base::MIN_COS;
 use crate::render::reflect::lobe::{FacetLobe, Outs};
 
 /// A lobe with all that depends on the suns alone.

@@ -4,7 +4,7 @@ use super::cells::Cell;
 use super::kernel::Point;
 use super::lobe::{POINTS, Ways};
 use super::scene::Spot;
-use crate::render::gather::estimate::MIN_COS;
+use crate::base::MIN_COS;
 use crate::render::reflect::facet::Facet;
 
 /// Points of a rule on a triangle and their weights.

@@ -6,8 +6,8 @@ use rayon::prelude::*;
 
 use super::scene::{Direct, DirectScratch};
 use super::year::DirectYear;
+use crate::base::Irradiance;
 use crate::base::{Progress, SeriesEntry, SinkError, TileRect, TileSink};
-use crate::render::gather::series::Quantity;
 use crate::render::view::error::Error;
 use crate::render::view::hits::HitMap;
 use crate::render::view::order::Order;
@@ -56,9 +56,9 @@ impl DirectSummary {
 pub struct DirectSinks<'a> {
     /// The time series of a quantity. Tiles that it has are passed over, so that an interrupted
     /// run goes on where it stopped.
-    pub series: (Quantity, &'a dyn TileSink),
+    pub series: (Irradiance, &'a dyn TileSink),
     /// The series of the other quantity; sealed before.
-    pub other: Option<(Quantity, &'a dyn TileSink)>,
+    pub other: Option<(Irradiance, &'a dyn TileSink)>,
     /// Takes a tile's sums over the year before its series is sealed.
     pub keep: &'a (dyn Fn(TileRect, &TileYear) -> Result<(), SinkError> + Sync),
 }
@@ -133,7 +133,7 @@ impl<'a> Tiles<'a> {
         &self,
         tile: TileRect,
         timesteps: &Range<u32>,
-        quantities: [Option<Quantity>; 2],
+        quantities: [Option<Irradiance>; 2],
         Buffers { scratch, year, entries }: &mut Buffers,
         progress: &dyn Progress,
     ) -> Result<(DirectSummary, TileYear), Error> {
@@ -159,8 +159,8 @@ impl<'a> Tiles<'a> {
                 summary.most_error_w_m2 = summary.most_error_w_m2.max(year.error_w_m2[i]);
                 for (list, quantity) in entries.iter_mut().zip(quantities.into_iter().flatten()) {
                     let value = match quantity {
-                        Quantity::Surface => year.surface_w_m2[i],
-                        Quantity::Normal => year.normal_w_m2[i],
+                        Irradiance::Surface => year.surface_w_m2[i],
+                        Irradiance::FacingBeam => year.normal_w_m2[i],
                     } as f32;
                     if value > 0.0 {
                         list.push(SeriesEntry { timestep: step, pixel, irradiance_w_m2: value });

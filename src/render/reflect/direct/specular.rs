@@ -8,8 +8,8 @@ use super::scene::Spot;
 use super::suns::Suns;
 use super::year::DirectYear;
 use crate::base::Frame;
+use crate::base::MIN_COS;
 use crate::bsdf::Bsdf;
-use crate::render::gather::estimate::MIN_COS;
 use crate::render::reflect::facet::Facet;
 use crate::site::Site;
 

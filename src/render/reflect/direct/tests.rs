@@ -8,11 +8,11 @@ use super::scene::{Direct, DirectScene, DirectScratch};
 use super::series::{DirectSinks, TileYear, direct_series};
 use super::sight::PvSight;
 use super::year::DirectYear;
+use crate::base::Irradiance;
 use crate::base::{
     Frame, SeriesEntry, Silent, SinkError, SpectralBasis, TileRect, TileSink, Timeline, Timestep,
 };
 use crate::bsdf::{Bsdf, BsdfFile, Model, Side};
-use crate::render::gather::series::Quantity;
 use crate::render::view::hits::{Hit, HitKind, HitMap};
 use crate::site::{Crowns, Face, Material, Object, PvSurface, Season, Site, Triangle};
 
@@ -341,8 +341,8 @@ fn a_view_goes_on_where_it_stopped() {
     };
     let facing = Kept { most: 100, ..Kept::default() };
     let run = |sink: &Kept| {
-        let other = Some((Quantity::Normal, &facing as &dyn TileSink));
-        let sinks = DirectSinks { series: (Quantity::Surface, sink), other, keep: &keep };
+        let other = Some((Irradiance::FacingBeam, &facing as &dyn TileSink));
+        let sinks = DirectSinks { series: (Irradiance::Surface, sink), other, keep: &keep };
         direct_series(&direct, &hits, sinks, &Silent)
     };
     let mut halfway = Kept { most: 3, ..Kept::default() };

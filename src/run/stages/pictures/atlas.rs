@@ -8,6 +8,7 @@ use crate::project::artifacts::{irradiance_unit, quantity_words};
 use crate::project::{GlareMap, Map, PlannedView, SeriesOf};
 use crate::run::error::Error;
 use crate::run::job::Job;
+use crate::run::units::OfView;
 
 /// Decades of the logarithmic scale of annual maps.
 const DECADES: f64 = 3.0;
@@ -79,7 +80,7 @@ impl<'a> Atlas<'a> {
             for view in self.job.resolved.views.iter().filter(|view| which(view)) {
                 let name = self.job.folder.exr(&candidate.name, &view.name, map);
                 if self.job.folder.at(&name).exists() {
-                    grids.push(self.job.read_map(candidate, view, map)?);
+                    grids.push(self.job.read_map(OfView { candidate, view }, map)?);
                 }
             }
         }

@@ -8,7 +8,7 @@ use glam::{DVec3, Vec3};
 use super::regions;
 use crate::picture::Figure;
 use crate::picture::figure::{AxisLabel, Marker, Polyline};
-use crate::project::PlannedView;
+use crate::project::{Picture, PlannedView};
 use crate::receivers::points::Kind;
 use crate::receivers::points::read_points;
 use crate::render::{Projection, View};
@@ -31,8 +31,12 @@ pub(super) struct Marks {
 }
 
 impl Marks {
-    pub(super) fn of(job: &Job<'_>, planned: &PlannedView) -> Result<Self, Error> {
-        let view = &planned.view;
+    pub(super) fn of(
+        job: &Job<'_>,
+        planned: &PlannedView,
+        picture: &Picture,
+    ) -> Result<Self, Error> {
+        let view = &picture.view;
         let markers = places(job, view)?
             .into_iter()
             .filter_map(|(place, label)| {

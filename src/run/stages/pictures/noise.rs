@@ -8,7 +8,7 @@ use crate::run::error::Error;
 impl Atlas<'_> {
     /// What is known of noise.
     pub(super) fn noise(&mut self) -> Result<(), Error> {
-        let maps = self.maps(Map::StandardError, |view| !view.direct)?;
+        let maps = self.maps(Map::StandardError, |view| !view.is_direct())?;
         let caption = "What photons landing at random make of the annual map: two of three values lie \
                        within one standard error of the truth, 95 of 100 within two.";
         let scale = self.decades(Map::StandardError, &maps);
@@ -46,7 +46,7 @@ impl Atlas<'_> {
     }
 
     fn largest(&self, map: Map) -> Result<f64, Error> {
-        let grids = self.maps(map, |view| !view.direct)?;
+        let grids = self.maps(map, |view| !view.is_direct())?;
         Ok(scale::nice_ceiling(scale::percentile(&grids, 1.0).max(1e-6)))
     }
 

@@ -1,9 +1,7 @@
 use super::lengths::{Lengths, SLACK_H};
+use super::maps::{BILLIONTHS, YEAR_H, month};
 use crate::glare::error::Error;
 use crate::volume::TimeAxis;
-
-/// Hours are summed as whole billionths, as the maps of the year are.
-const BILLIONTHS: f64 = 1e9;
 
 /// The glare of one place over the year: of a point, or of anything that is dazzled or not at each
 /// timestep. No filter.
@@ -77,7 +75,7 @@ pub fn spot(axis: &TimeAxis, lengths: &Lengths, dazzles: impl Fn(usize) -> bool)
     for t in runs.iter().flat_map(|run| run.first..=run.last) {
         let weight = (axis.weight_h[t] * BILLIONTHS).round() as u64;
         sum += weight;
-        months[usize::from(super::maps::month(axis.year, axis.day[t]))] += weight;
+        months[usize::from(month(axis.year, axis.day[t]))] += weight;
         if day != Some(axis.day[t]) {
             (day, today) = (Some(axis.day[t]), 0);
             out.days += 1;
@@ -128,7 +126,7 @@ pub fn margins(axis: &TimeAxis, lengths: &Lengths, series: &[f32]) -> Result<[f3
     let mut sum = 0.0;
     let year = all.iter().find(|(_, weight)| {
         sum += weight;
-        sum >= 50.0 - SLACK_H
+        sum >= YEAR_H - SLACK_H
     });
     Ok([worst_day, year.map_or(0.0, |v| v.0)])
 }

@@ -1,8 +1,11 @@
-//! Sums that don't depend on their order: flux as integers.
+//! Sums that don't depend on their order: what photons add to an irradiance, as integers.
 //!
 //! Pixels that share their candidates meet the same photons in another order than pixels that
 //! search alone. Integers make both the same to the last bit. A value is rounded to
 //! [`BITS`] bits below the largest that a store can hold, 3e-11 of it.
+
+use crate::base::{Irradiance, MIN_COS};
+use crate::pages::Store;
 
 /// Bits of the largest value.
 const BITS: i32 = 35;
@@ -58,6 +61,64 @@ impl Scale {
 pub(in crate::render) fn square(integer: i64) -> i64 {
     let coarse = (integer + (1 << (SQUARE_SHIFT - 1))) >> SQUARE_SHIFT;
     coarse * coarse
+}
+
+/// What of a photon becomes irradiance.
+#[derive(Clone, Copy, Debug)]
+pub(in crate::render) struct Beam {
+    pub flux_w: f32,
+    /// Cosine of incidence.
+    pub cos: f32,
+    pub timestep: u32,
+}
+
+/// What photons add to E and E_n, as integers: flux in W times the weight of their timestep.
+pub(in crate::render) struct Fluxes {
+    pub surface: Scale,
+    pub facing: Scale,
+}
+
+impl Fluxes {
+    pub fn of(store: &Store, largest_weight: f64) -> Self {
+        let largest = f64::from(store.info().flux_max_w) * largest_weight;
+        Self { surface: Scale::up_to(largest), facing: Scale::up_to(largest / f64::from(MIN_COS)) }
+    }
+
+    pub fn integers(&self, beam: Beam, weight: f64) -> [i64; 2] {
+        let flux = f64::from(beam.flux_w) * weight;
+        let facing = flux / f64::from(beam.cos.max(MIN_COS));
+        [self.surface.integer(flux), self.facing.integer(facing)]
+    }
+
+    /// The one that is asked for, without a weight.
+    pub fn integer(&self, quantity: Irradiance, beam: Beam) -> i64 {
+        let flux = f64::from(beam.flux_w);
+        match quantity {
+            Irradiance::Surface => self.surface.integer(flux),
+            Irradiance::FacingBeam => self.facing.integer(flux / f64::from(beam.cos.max(MIN_COS))),
+        }
+    }
+
+    /// The same as [`Self::integers`] has it; the other is 0.
+    pub fn integers_of(&self, quantity: Irradiance, beam: Beam) -> [i64; 2] {
+        match quantity {
+            Irradiance::Surface => [self.integer(quantity, beam), 0],
+            Irradiance::FacingBeam => [0, self.integer(quantity, beam)],
+        }
+    }
+
+    /// How integers of a quantity become W again.
+    pub fn scale(&self, quantity: Irradiance) -> Scale {
+        match quantity {
+            Irradiance::Surface => self.surface,
+            Irradiance::FacingBeam => self.facing,
+        }
+    }
+}
+
+/// An integer under a kernel's weight.
+pub(in crate::render) fn weighed(integer: i64, kernel: f64) -> i64 {
+    if kernel == 1.0 { integer } else { (integer as f64 * kernel).round_ties_even() as i64 }
 }
 
 const _: () = assert!(BITS + 1 + MOST_PHOTONS.ilog2() as i32 <= 62);

@@ -1,6 +1,5 @@
 use glam::{DVec3, Vec3};
 
-use super::sensors::PvInView;
 use crate::base::{Purpose, Stream};
 use crate::site::Site;
 
@@ -11,8 +10,19 @@ const POINTS: usize = 64;
 /// below anything that a picture shows.
 pub(in crate::render) const LIFT_M: f32 = 2e-3;
 
+/// What a point sees of the PV, by the 64 points that are tested on it.
+#[derive(Clone, Copy, Debug, Default, PartialEq, serde::Serialize, serde::Deserialize)]
+pub struct PvInView {
+    /// Distance to the nearest visible one, m.
+    pub nearest_m: f64,
+    /// Largest angle between two visible ones, degrees.
+    pub widest_deg: f64,
+    /// Solid angle of the visible share of the PV, sr.
+    pub solid_angle_sr: f64,
+}
+
 /// Points spread over the PV by area; what of the PV a place sees is judged by them.
-pub(in crate::render) struct SeenPv {
+pub(in crate::render) struct PvVisibility {
     points: Vec<PvPoint>,
     /// Of all PV, m2.
     area_m2: f64,
@@ -24,7 +34,7 @@ struct PvPoint {
     two_sided: bool,
 }
 
-impl SeenPv {
+impl PvVisibility {
     /// Spreads the points: stratified over the area, and by the R2 sequence (Roberts 2018, "The
     /// unreasonable effectiveness of quasirandom sequences") inside the triangles.
     pub(in crate::render) fn spread(site: &Site, seed: u64) -> Self {

@@ -23,7 +23,7 @@ pub enum Error {
         path = .path.display(),
         known = .known.join("|")
     )]
-    NotOurs {
+    Other {
         /// The file.
         path: PathBuf,
         /// The names that the command knows.
@@ -53,7 +53,7 @@ pub(super) fn format_name(
     let line = text.lines().next().unwrap_or("");
     let mut words = line.split(' ');
     let name = (words.next() == Some("glintmap")).then(|| words.next()).flatten();
-    known.iter().find(|k| Some(**k) == name).copied().ok_or_else(|| Error::NotOurs {
+    known.iter().find(|k| Some(**k) == name).copied().ok_or_else(|| Error::Other {
         path: path.to_owned(),
         known,
         found: line.chars().filter(|c| !c.is_control()).take(40).collect(),

@@ -1,36 +1,5 @@
 use std::ops::Range;
 
-use super::kernel::Kernel;
-use crate::glare::error::Error;
-use crate::glare::events::threshold::Run;
-use crate::glare::settings::Settings;
-
-/// The separable Gaussian along t, then y, then x, each rounded to float32, and the threshold.
-///
-/// It works through strips of rows and blocks of columns: each row of the window is filtered in
-/// time once for several timesteps, kept in a ring for the filter along y, and what that gives is
-/// filtered along x and compared while it is still in the cache.
-#[derive(Clone, Debug)]
-pub(in crate::glare) struct Smoother {
-    pub t: Kernel,
-    pub y: Kernel,
-    pub x: Kernel,
-    pub threshold: f32,
-}
-
-impl Smoother {
-    /// The filter and the threshold that are asked for.
-    pub fn new(settings: &Settings) -> Result<Self, Error> {
-        let [t, y, x] = settings.kernels()?;
-        Ok(Self { t, y, x, threshold: settings.threshold_f32()? })
-    }
-
-    /// Whether no axis is filtered.
-    pub fn is_identity(&self) -> bool {
-        [&self.t, &self.y, &self.x].iter().all(|kernel| kernel.is_identity())
-    }
-}
-
 /// Consecutive timesteps of one segment whose events are found together.
 #[derive(Clone, Debug)]
 pub(in crate::glare) struct Part {
@@ -79,7 +48,3 @@ impl Batch {
         first..(self.steps.end + radius).min(self.segment.end)
     }
 }
-
-/// What lies above the threshold in a strip of rows: for each timestep its runs, sorted by row and
-/// column.
-pub(in crate::glare) type Strip = Vec<Vec<Run>>;

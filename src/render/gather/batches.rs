@@ -1,19 +1,18 @@
 //! The time series in batches of timesteps, for an analysis that keeps no series.
 
 use std::ops::Range;
-use std::sync::Mutex;
+use std::sync::{Mutex, PoisonError};
 
 use rayon::prelude::*;
 
-use super::annual::Fluxes;
-use super::annual::Gather;
-use super::series::TileSeries;
-use super::series::{Quantity, Series, SeriesSummary};
-use super::share::{Beam, Recorded, Scratch, Shared};
+use super::error::Error;
+use super::flux::{Beam, Fluxes};
+use super::series::{Noise, Series, SeriesSummary, TileSeries};
+use super::settings::Gather;
+use super::share::{Recorded, Scratch, Shared};
 use super::surfaces::Surfaces;
-use crate::base::{Grid, Progress, TileRect, TileSink};
+use crate::base::{Irradiance, Progress, TileRect, TileSink};
 use crate::pages::Store;
-use crate::render::view::error::Error;
 use crate::render::view::hits::HitMap;
 use crate::render::view::order::Order;
 
@@ -24,7 +23,7 @@ pub struct Fused<'a> {
     shared: Shared<'a>,
     fluxes: Fluxes,
     order: Order<'a>,
-    quantity: Quantity,
+    quantity: Irradiance,
     tiles: Vec<(TileRect, Recorded)>,
     /// What is known of the series.
     pub series: Series,
@@ -43,27 +42,22 @@ impl<'a> Fused<'a> {
     /// Finds the discs of all pixels. Each tile's whole year passes by meanwhile: a sink gets it.
     ///
     /// # Errors
-    /// [`Error::Settings`], [`Error::Pages`], [`Error::Sink`], [`Error::Interrupted`].
+    /// [`Error::View`]: settings, a sink that fails, interruption; [`Error::Pages`].
     pub fn prepare(
         store: &'a Store,
         surfaces: Option<&'a Surfaces<'a>>,
         hits: &'a HitMap,
         settings: &Gather,
-        (quantity, whole): (Quantity, Option<&dyn TileSink>),
+        (quantity, whole): (Irradiance, Option<&dyn TileSink>),
         progress: &dyn Progress,
     ) -> Result<Self, Error> {
         let shared = Shared::new(store, surfaces, settings)?;
         let fluxes = Fluxes::of(store, 1.0);
         let order = Order::of(hits);
         let timesteps = store.info().timesteps;
-        let empty = || Grid::filled(hits.columns, hits.rows, 0.0);
         let found = Mutex::new(Found {
             tiles: Vec::new(),
-            series: Series {
-                summary: SeriesSummary::default(),
-                photon_w_m2: empty(),
-                radius_m: empty(),
-            },
+            series: Series::empty(hits),
             entries: vec![0; timesteps as usize],
         });
         progress.begin("radius of each pixel", (hits.columns * hits.rows) as u64, "pixels");
@@ -76,19 +70,15 @@ impl<'a> Fused<'a> {
                 let mut summary = SeriesSummary { tiles_rendered: 1, ..Default::default() };
                 let mut recorded = Recorded::default();
                 let mut noise = Vec::new();
-                let spots = order.spots(tile);
+                let points = order.query_points(tile);
                 let record = Some(&mut recorded);
                 let mut entries = vec![0u64; timesteps as usize];
-                shared.tile(&spots, scratch, &integers, record, |spot, mut found| {
-                    let made = tile_series.pixel(spot.pixel, &mut found, &fluxes, quantity);
-                    let disc = &found.disc;
-                    let index = order.index(tile, spot.pixel);
-                    noise.push((index, made.photon_w_m2, disc.radius_m as f32));
-                    summary.pixels += 1;
-                    summary.lit_pixels += u64::from(made.lit > 0);
-                    summary.lit_timesteps += made.lit as u64;
-                    summary.photons += made.photons;
-                    summary.floored += u64::from(disc.floored);
+                shared.tile(&points, scratch, &integers, record, |point, mut found| {
+                    let made = tile_series.pixel(point.pixel, &mut found, &fluxes, quantity);
+                    let index = order.index(tile, point.pixel);
+                    let (photon_w_m2, radius_m) = (made.photon_w_m2, found.disc.radius_m as f32);
+                    noise.push(Noise { index, photon_w_m2, radius_m });
+                    summary.count(&made, found.disc.floored);
                     if whole.is_none() {
                         tile_series.count(&mut entries);
                         tile_series.clear();
@@ -98,16 +88,12 @@ impl<'a> Fused<'a> {
                     tile_series.count(&mut entries);
                     sink.put(tile, tile_series.sorted())?;
                 }
-                let mut all = found.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
-                all.series.summary.add(&summary);
-                for (index, photon_w_m2, radius_m) in noise {
-                    all.series.photon_w_m2.data_mut()[index] = photon_w_m2;
-                    all.series.radius_m.data_mut()[index] = radius_m;
-                }
+                let mut all = found.lock().unwrap_or_else(PoisonError::into_inner);
+                all.series.keep(&summary, &noise);
                 for (sum, count) in all.entries.iter_mut().zip(entries) {
                     *sum += count;
                 }
-                if !spots.is_empty() {
+                if !points.is_empty() {
                     all.tiles.push((number, tile, recorded));
                 }
                 drop(all);
@@ -116,7 +102,7 @@ impl<'a> Fused<'a> {
             },
         )?;
         progress.finish();
-        let mut found = found.into_inner().unwrap_or_else(std::sync::PoisonError::into_inner);
+        let mut found = found.into_inner().unwrap_or_else(PoisonError::into_inner);
         found.tiles.sort_unstable_by_key(|(number, ..)| *number);
         let tiles = found.tiles.into_iter().map(|(_, tile, recorded)| (tile, recorded)).collect();
         let (series, entries) = (found.series, found.entries);
@@ -126,7 +112,7 @@ impl<'a> Fused<'a> {
     /// Renders some timesteps of all tiles. Tiles without receiving surfaces are left out.
     ///
     /// # Errors
-    /// [`Error::Pages`], [`Error::Sink`], [`Error::Interrupted`].
+    /// [`Error::Pages`]; [`Error::View`]: a sink that fails, interruption.
     pub fn batch(
         &self,
         timesteps: Range<u32>,
@@ -140,10 +126,10 @@ impl<'a> Fused<'a> {
             |(scratch, tile_series), (tile, recorded)| {
                 progress.check()?;
                 tile_series.clear();
-                let spots = self.order.spots(*tile);
+                let points = self.order.query_points(*tile);
                 let what = (recorded, &timesteps);
-                self.shared.again(&spots, scratch, &integers, what, |spot, mut found| {
-                    tile_series.pixel(spot.pixel, &mut found, &self.fluxes, self.quantity);
+                self.shared.again(&points, scratch, &integers, what, |point, mut found| {
+                    tile_series.pixel(point.pixel, &mut found, &self.fluxes, self.quantity);
                 })?;
                 sink.put(*tile, tile_series.sorted())?;
                 Ok::<(), Error>(())

@@ -1,11 +1,9 @@
-//! Morton codes: an octree cell as one number.
+//! The cube that the octree divides, and the Morton codes of its cells.
 
 use glam::{DVec3, Vec3};
 
 use crate::base::Aabb;
-
-/// Levels of the octree: 21 bits an axis fill 63 bits.
-pub(super) const LEVELS: u32 = 21;
+use crate::base::morton::{LEVELS, deinterleave, interleave};
 
 /// The cube that the octree divides.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
@@ -46,10 +44,11 @@ impl Cube {
         let level_up = differ.div_ceil(3);
         let step = f64::from(self.edge_m) / f64::from(1u32 << LEVELS);
         let size = 1u64 << level_up;
+        let corner = deinterleave(first);
         let mut low = [0.0; 3];
         let mut high = [0.0; 3];
         for axis in 0..3 {
-            let cell = compact(first >> axis) >> level_up << level_up;
+            let cell = corner[axis] >> level_up << level_up;
             let origin = f64::from(self.origin[axis]);
             let end = cell + size;
             low[axis] = if cell == 0 { f64::NEG_INFINITY } else { origin + cell as f64 * step };
@@ -60,56 +59,9 @@ impl Cube {
     }
 }
 
-/// Spreads the low 21 bits so that two zero bits lie between each two.
-fn spread(v: u64) -> u64 {
-    let mut v = v & 0x1F_FFFF;
-    v = (v | v << 32) & 0x001F_0000_0000_FFFF;
-    v = (v | v << 16) & 0x001F_0000_FF00_00FF;
-    v = (v | v << 8) & 0x100F_00F0_0F00_F00F;
-    v = (v | v << 4) & 0x10C3_0C30_C30C_30C3;
-    (v | v << 2) & 0x1249_2492_4924_9249
-}
-
-/// The inverse of [`spread`].
-fn compact(v: u64) -> u64 {
-    let mut v = v & 0x1249_2492_4924_9249;
-    v = (v | v >> 2) & 0x10C3_0C30_C30C_30C3;
-    v = (v | v >> 4) & 0x100F_00F0_0F00_F00F;
-    v = (v | v >> 8) & 0x001F_0000_FF00_00FF;
-    v = (v | v >> 16) & 0x001F_0000_0000_FFFF;
-    (v | v >> 32) & 0x1F_FFFF
-}
-
-/// One code from three integers of up to 21 bits, x lowest.
-pub(super) fn interleave(x: u64, y: u64, z: u64) -> u64 {
-    spread(x) | spread(y) << 1 | spread(z) << 2
-}
-
-/// The inverse of [`interleave`].
-pub(super) fn deinterleave(code: u64) -> [u64; 3] {
-    [compact(code), compact(code >> 1), compact(code >> 2)]
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn codes_are_what_a_loop_over_bits_gives() {
-        let mut random = crate::base::Stream::new(1, crate::base::Purpose::Survey, 0);
-        for _ in 0..1000 {
-            let axes: [u64; 3] = std::array::from_fn(|_| u64::from(random.bits() >> 11));
-            let mut slow = 0u64;
-            for bit in 0..21 {
-                for (axis, v) in axes.iter().enumerate() {
-                    slow |= (v >> bit & 1) << (3 * bit + axis);
-                }
-            }
-            let code = interleave(axes[0], axes[1], axes[2]);
-            assert_eq!(code, slow);
-            assert_eq!(deinterleave(code), axes);
-        }
-    }
 
     #[test]
     fn the_cell_around_two_codes_holds_their_points() {

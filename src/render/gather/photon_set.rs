@@ -10,9 +10,9 @@ const BLOCK: usize = 64;
 /// What a sum needs to know about a photon.
 #[derive(Clone, Copy, Debug, Default)]
 pub(in crate::render) struct Light {
-    /// What it gives the surface, and what a plane that faces it: see [`super::fixed`].
+    /// What it gives the surface, and what a plane that faces it: see [`super::flux`].
     pub surface: i64,
-    pub normal: i64,
+    pub facing: i64,
     /// Its index in the store.
     pub index: u64,
     pub timestep: u32,
@@ -21,7 +21,7 @@ pub(in crate::render) struct Light {
 /// Photons in store order, with boxes around those that follow each other (and lie close together,
 /// because the store is in Morton order).
 #[derive(Debug, Default)]
-pub(in crate::render) struct Loaded {
+pub(in crate::render) struct PhotonSet {
     x: Vec<f32>,
     y: Vec<f32>,
     z: Vec<f32>,
@@ -30,7 +30,7 @@ pub(in crate::render) struct Loaded {
     boxes: Vec<Aabb>,
 }
 
-impl Loaded {
+impl PhotonSet {
     pub fn clear(&mut self) {
         self.x.clear();
         self.y.clear();

@@ -1,49 +1,76 @@
+//! Lists that are longer than memory and end up sorted.
+//!
+//! Classic external merge sort: what doesn't fit into memory is sorted and written into a file without
+//! a name, one part after the other; whoever reads the list merges the parts and what memory still
+//! holds. The photon store needs it where more photons lie in one smallest cell than memory takes, the
+//! glare analysis for its events and for counts that wait until their segment ends.
+
+use std::cmp::Ordering;
 use std::collections::BinaryHeap;
 use std::fs::File;
 use std::io::{self, BufReader, BufWriter, Read, Seek, SeekFrom, Write};
 use std::path::PathBuf;
 
-/// Bytes that are read or written at a time.
+use rayon::prelude::*;
+
+/// Bytes that are read or written at a time: a few pages of the disk.
 const BUFFER_BYTES: usize = 1 << 16;
 /// Bytes that are read ahead while parts are merged, for all of them together.
 const MERGE_BYTES: usize = 8 << 20;
 
-/// What can be written down in a fixed number of bytes. Its order is the order of the list.
-pub(in crate::glare) trait Fixed: Ord + Sized {
-    /// Bytes of one item.
+/// What can be written down in a fixed number of bytes, and has an order.
+pub trait Record: Clone + Send {
+    /// Bytes of one record.
     const BYTES: usize;
     /// Appends exactly [`Self::BYTES`] bytes.
     fn put(&self, out: &mut Vec<u8>);
-    /// The item that such bytes hold.
+    /// The record that such bytes hold.
     fn get(bytes: &[u8]) -> Self;
+    /// The order of the list. Records that are equal in it must be equal in everything.
+    fn order(&self, other: &Self) -> Ordering;
 }
 
-/// A list that ends up sorted, whatever its length: what doesn't fit into memory goes into a
-/// temporary file, some sorted items at a time, and is merged when the list is read.
+/// A list that ends up sorted, whatever its length.
 #[derive(Debug)]
-pub(in crate::glare) struct Runs<T> {
+pub struct ExternalSort<T> {
     items: Vec<T>,
     /// Items that are kept in memory.
     most: usize,
     folder: PathBuf,
-    /// Where each part that was written begins, and how many items it has.
-    parts: Vec<(u64, u64)>,
+    /// The parts that were written.
+    parts: Vec<Part>,
     file: Option<File>,
-    written: u64,
 }
 
-impl<T: Fixed> Runs<T> {
+/// Where a sorted part begins in the file, and how many items it has.
+#[derive(Clone, Copy, Debug)]
+struct Part {
+    start: u64,
+    items: u64,
+}
+
+impl<T: Record> ExternalSort<T> {
     /// A list that keeps about `bytes` in memory, and the rest in a file without a name in
     /// `folder`.
     pub fn new(bytes: u64, folder: PathBuf) -> Self {
         let most = usize::try_from(bytes / size_of::<T>() as u64).unwrap_or(usize::MAX).max(1);
-        Self { items: Vec::new(), most, folder, parts: Vec::new(), file: None, written: 0 }
+        Self { items: Vec::new(), most, folder, parts: Vec::new(), file: None }
     }
 
+    /// Number of items.
     pub fn len(&self) -> u64 {
-        self.written + self.items.len() as u64
+        self.parts.iter().map(|part| part.items).sum::<u64>() + self.items.len() as u64
     }
 
+    /// Whether there are none.
+    pub fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
+
+    /// Adds an item.
+    ///
+    /// # Errors
+    /// What the file system says.
     pub fn push(&mut self, item: T) -> io::Result<()> {
         if self.items.len() >= self.most {
             self.flush()?;
@@ -58,7 +85,7 @@ impl<T: Fixed> Runs<T> {
     }
 
     fn flush(&mut self) -> io::Result<()> {
-        self.items.sort_unstable();
+        self.sort();
         let file = match &mut self.file {
             Some(file) => file,
             none => none.insert(tempfile::tempfile_in(&self.folder)?),
@@ -72,26 +99,27 @@ impl<T: Fixed> Runs<T> {
             out.write_all(&bytes)?;
         }
         out.flush()?;
-        let items = self.items.len() as u64;
-        self.parts.push((start, items));
-        self.written += items;
+        self.parts.push(Part { start, items: self.items.len() as u64 });
         self.items.clear();
         Ok(())
     }
 
     /// Sorts what is in memory; to be called before [`Self::iter`].
     pub fn sort(&mut self) {
-        self.items.sort_unstable();
+        self.items.par_sort_unstable_by(T::order);
     }
 
-    /// All items in order.
+    /// All items in order, as often as wanted.
+    ///
+    /// # Errors
+    /// What the file system says; so does each item.
     pub fn iter(&self) -> io::Result<Merged<'_, T>> {
-        let mut merged = Merged { heap: BinaryHeap::new(), parts: Vec::new(), rest: &self.items };
+        let mut merged = Merged { heads: BinaryHeap::new(), parts: Vec::new(), rest: &self.items };
         let Some(file) = &self.file else { return Ok(merged) };
         // Many small parts share what few large ones would take.
         let buffer = (MERGE_BYTES / self.parts.len().max(1)).clamp(T::BYTES, BUFFER_BYTES);
-        for (number, (start, items)) in self.parts.iter().enumerate() {
-            let source = PartSource { file, at: *start, left: items * T::BYTES as u64 };
+        for (number, part) in self.parts.iter().enumerate() {
+            let source = PartSource { file, at: part.start, left: part.items * T::BYTES as u64 };
             merged.parts.push(BufReader::with_capacity(buffer, source));
             merged.refill(number)?;
         }
@@ -99,10 +127,12 @@ impl<T: Fixed> Runs<T> {
     }
 
     /// Forgets all items.
+    ///
+    /// # Errors
+    /// What the file system says.
     pub fn clear(&mut self) -> io::Result<()> {
         self.items.clear();
         self.parts.clear();
-        self.written = 0;
         self.file.as_mut().map_or(Ok(()), |file| file.set_len(0))
     }
 }
@@ -125,16 +155,42 @@ impl Read for PartSource<'_> {
     }
 }
 
-/// The items of [`Runs`], in order.
-pub(in crate::glare) struct Merged<'a, T> {
-    /// The next item of each part that has any left.
-    heap: BinaryHeap<std::cmp::Reverse<(T, usize)>>,
+/// The items of an [`ExternalSort`], in order.
+pub struct Merged<'a, T> {
+    /// The next item of each part that has any left, the first in order on top.
+    heads: BinaryHeap<Head<T>>,
     parts: Vec<BufReader<PartSource<'a>>>,
     /// Those that are in memory.
     rest: &'a [T],
 }
 
-impl<T: Fixed> Merged<'_, T> {
+struct Head<T> {
+    item: T,
+    part: usize,
+}
+
+impl<T: Record> Ord for Head<T> {
+    fn cmp(&self, other: &Self) -> Ordering {
+        // The heap has the greatest on top.
+        other.item.order(&self.item).then(other.part.cmp(&self.part))
+    }
+}
+
+impl<T: Record> PartialOrd for Head<T> {
+    fn partial_cmp(&self, other: &Self) -> Option<Ordering> {
+        Some(self.cmp(other))
+    }
+}
+
+impl<T: Record> PartialEq for Head<T> {
+    fn eq(&self, other: &Self) -> bool {
+        self.cmp(other).is_eq()
+    }
+}
+
+impl<T: Record> Eq for Head<T> {}
+
+impl<T: Record> Merged<'_, T> {
     fn refill(&mut self, part: usize) -> io::Result<()> {
         let source = &mut self.parts[part];
         if source.get_ref().left == 0 && source.buffer().is_empty() {
@@ -142,27 +198,27 @@ impl<T: Fixed> Merged<'_, T> {
         }
         let mut bytes = vec![0; T::BYTES];
         source.read_exact(&mut bytes)?;
-        self.heap.push(std::cmp::Reverse((T::get(&bytes), part)));
+        self.heads.push(Head { item: T::get(&bytes), part });
         Ok(())
     }
 }
 
-impl<T: Fixed + Clone> Iterator for Merged<'_, T> {
+impl<T: Record> Iterator for Merged<'_, T> {
     type Item = io::Result<T>;
 
     fn next(&mut self) -> Option<Self::Item> {
-        let on_disk = self.heap.peek().map(|std::cmp::Reverse((item, _))| item);
-        match (on_disk, self.rest.split_first()) {
-            (None, None) => None,
-            (disk, Some((first, rest))) if disk.is_none_or(|disk| first <= disk) => {
-                self.rest = rest;
-                Some(Ok(first.clone()))
-            }
-            _ => {
-                let std::cmp::Reverse((item, part)) = self.heap.pop()?;
-                Some(self.refill(part).map(|()| item))
-            }
+        let in_memory = self.rest.first();
+        let from_disk = self
+            .heads
+            .peek()
+            .filter(|head| in_memory.is_none_or(|first| head.item.order(first).is_lt()));
+        if from_disk.is_some() {
+            let Head { item, part } = self.heads.pop()?;
+            return Some(self.refill(part).map(|()| item));
         }
+        let (first, rest) = self.rest.split_first()?;
+        self.rest = rest;
+        Some(Ok(first.clone()))
     }
 }
 
@@ -171,13 +227,16 @@ mod tests {
     use super::*;
     use crate::base::{Purpose, Stream};
 
-    impl Fixed for u32 {
+    impl Record for u32 {
         const BYTES: usize = 4;
         fn put(&self, out: &mut Vec<u8>) {
             out.extend_from_slice(&self.to_le_bytes());
         }
         fn get(bytes: &[u8]) -> Self {
             bytes.iter().rev().fold(0, |sum, byte| sum << 8 | Self::from(*byte))
+        }
+        fn order(&self, other: &Self) -> Ordering {
+            self.cmp(other)
         }
     }
 
@@ -193,16 +252,16 @@ mod tests {
                 if length / 1000 * 4 > bytes {
                     continue;
                 }
-                let mut runs = Runs::new(bytes, folder.path().to_owned());
+                let mut list = ExternalSort::new(bytes, folder.path().to_owned());
                 for _ in 0..2 {
-                    items.iter().for_each(|item| runs.push(*item).unwrap());
-                    runs.sort();
-                    assert_eq!(runs.len(), length);
+                    items.iter().for_each(|item| list.push(*item).unwrap());
+                    list.sort();
+                    assert_eq!(list.len(), length);
                     for _ in 0..2 {
-                        let found: Vec<u32> = runs.iter().unwrap().map(Result::unwrap).collect();
+                        let found: Vec<u32> = list.iter().unwrap().map(Result::unwrap).collect();
                         assert!(found == sorted, "{length} items, {bytes} bytes");
                     }
-                    runs.clear().unwrap();
+                    list.clear().unwrap();
                 }
             }
         }

@@ -1,30 +1,38 @@
+//! Virtual sensors: discs in free air through which photons are counted.
+//!
+//! An observer on a balcony is no surface, so nothing lands on them. A small disc in the air is
+//! crossed instead, and the flux through it over its area is the irradiance. Of a year's photons
+//! few cross a disc of half a metre, hence a run of its own: everything is aimed at the discs
+//! alone. A ray must find all that it crosses, not the first, so they lie in a small tree of boxes
+//! of their own.
+
 use glam::{DVec3, Vec3};
 
 use super::horizon::{Span, span_of};
-use crate::base::{Frame, Gate, GateSheet};
+use crate::base::{Frame, SensorSheet, VirtualSensor};
 
 /// What photons are sent through.
 #[derive(Clone, Copy, Debug)]
 pub struct Through<'a> {
-    /// The gates. Crossings lie on `sheet`, numbered as the gates are.
-    pub gates: &'a [Gate],
+    /// The virtual sensors. Crossings lie on `sheet`, numbered as the virtual sensors are.
+    pub sensors: &'a [VirtualSensor],
     /// Where crossings are kept.
-    pub sheet: GateSheet,
+    pub sheet: SensorSheet,
     /// Photons to send at most; 2^24 may always be sent.
     pub most: u64,
 }
 
-/// Gates of a leaf at most.
+/// Virtual sensors of a leaf at most.
 const LEAF: usize = 4;
-/// Levels of the tree, which halves its gates at each: more than 2^60 gates would need.
+/// Levels of the tree, which halves its virtual sensors at each: more than 2^60 virtual sensors would need.
 const LEVELS: usize = 64;
 
-/// Gates in a tree of boxes, for rays that must find all that they cross.
+/// Virtual sensors in a tree of boxes, for rays that must find all that they cross.
 #[derive(Debug)]
-pub(super) struct Gates {
-    gates: Vec<Gate>,
+pub(super) struct SensorTree {
+    sensors: Vec<VirtualSensor>,
     frames: Vec<Frame>,
-    sheet: GateSheet,
+    sheet: SensorSheet,
     most: u64,
     /// Their numbers, in the order of the leaves.
     order: Vec<u32>,
@@ -40,18 +48,18 @@ struct Node {
     parts: Option<usize>,
 }
 
-impl Gates {
+impl SensorTree {
     pub(super) fn of(through: &Through<'_>) -> Self {
-        let gates = through.gates.to_vec();
+        let sensors = through.sensors.to_vec();
         let mut out = Self {
-            frames: gates.iter().map(|g| Frame::around(g.normal)).collect(),
+            frames: sensors.iter().map(|g| Frame::around(g.normal)).collect(),
             sheet: through.sheet,
             most: through.most,
-            order: (0..gates.len() as u32).collect(),
+            order: (0..sensors.len() as u32).collect(),
             nodes: Vec::new(),
-            gates,
+            sensors,
         };
-        let whole = out.node(0, out.gates.len());
+        let whole = out.node(0, out.sensors.len());
         out.nodes.push(whole);
         let mut next = 0;
         while next < out.nodes.len() {
@@ -61,7 +69,7 @@ impl Gates {
                 let size = high - low;
                 let axis = (0..3).fold(0, |best, a| if size[a] > size[best] { a } else { best });
                 let middle = (first + last) / 2;
-                let at = |&i: &u32| out.gates[i as usize].centre[axis];
+                let at = |&i: &u32| out.sensors[i as usize].centre[axis];
                 out.order[first..last].sort_by(|a, b| at(a).total_cmp(&at(b)).then(a.cmp(b)));
                 out.nodes[next].parts = Some(out.nodes.len());
                 let halves = [out.node(first, middle), out.node(middle, last)];
@@ -75,7 +83,7 @@ impl Gates {
     fn node(&self, first: usize, last: usize) -> Node {
         let none = (DVec3::INFINITY, DVec3::NEG_INFINITY);
         let around = self.order[first..last].iter().fold(none, |(a, b), &i| {
-            let (low, high) = span_of(&self.gates[i as usize]);
+            let (low, high) = span_of(&self.sensors[i as usize]);
             // The slab test rounds.
             (a.min(low - 1e-6), b.max(high + 1e-6))
         });
@@ -83,8 +91,8 @@ impl Gates {
     }
 
     /// All of them.
-    pub(super) fn all(&self) -> &[Gate] {
-        &self.gates
+    pub(super) fn all(&self) -> &[VirtualSensor] {
+        &self.sensors
     }
 
     /// Photons to send at most.
@@ -114,12 +122,12 @@ impl Gates {
         self.visit(start, direction, reach_m, |i, off| {
             let frame = &self.frames[i];
             let place = self.sheet.place(i, [frame.x.dot(off), frame.y.dot(off)]);
-            each(place, self.gates[i].normal.as_vec3());
+            each(place, self.sensors[i].normal.as_vec3());
             true
         });
     }
 
-    /// Calls `each` with the number of each gate that is crossed, and how far from its middle,
+    /// Calls `each` with the number of each virtual sensor that is crossed, and how far from its middle,
     /// until it says false.
     #[inline]
     fn visit(
@@ -147,18 +155,18 @@ impl Gates {
             }
             for &i in &self.order[node.first..node.last] {
                 let i = i as usize;
-                let gate = &self.gates[i];
-                let slope = gate.normal.dot(direction);
+                let sensor = &self.sensors[i];
+                let slope = sensor.normal.dot(direction);
                 // From behind, or along it.
                 if slope >= 0.0 {
                     continue;
                 }
-                let along = gate.normal.dot(gate.centre - start) / slope;
+                let along = sensor.normal.dot(sensor.centre - start) / slope;
                 if !(along > 0.0 && along <= reach_m) {
                     continue;
                 }
-                let off = start + direction * along - gate.centre;
-                let within = off.length_squared() <= gate.radius_m * gate.radius_m;
+                let off = start + direction * along - sensor.centre;
+                let within = off.length_squared() <= sensor.radius_m * sensor.radius_m;
                 if within && !each(i, off) {
                     return;
                 }
@@ -168,7 +176,7 @@ impl Gates {
 }
 
 /// Whether a ray meets a box. One that runs exactly in the plane of a face may be missed: faces lie
-/// off the gates.
+/// off the virtual sensors.
 #[inline]
 fn meets((low, high): &Span, start: DVec3, inverse: DVec3, reach_m: f64) -> bool {
     let (a, b) = ((*low - start) * inverse, (*high - start) * inverse);
@@ -183,25 +191,25 @@ mod tests {
     use super::*;
     use crate::base::{Purpose, Stream};
 
-    /// The tree against a look at each gate; gates lie in each other, some in one plane.
+    /// The tree against a look at each virtual sensor; virtual sensors lie in each other, some in one plane.
     #[test]
     fn rays_find_every_gate_that_they_cross() {
         let mut random = Stream::new(7, Purpose::Survey, 0);
         let mut one = |low: f64, high: f64| low + (high - low) * random.uniform();
-        let mut gates: Vec<Gate> = (0..300)
-            .map(|_| Gate {
+        let mut sensors: Vec<VirtualSensor> = (0..300)
+            .map(|_| VirtualSensor {
                 centre: DVec3::new(one(-3.0, 3.0), one(-3.0, 3.0), one(-1.0, 1.0)),
                 normal: DVec3::new(one(-1.0, 1.0), one(-1.0, 1.0), one(-1.0, 1.0)).normalize(),
                 radius_m: one(0.1, 0.8),
             })
             .collect();
-        gates.extend((0..100).map(|i| Gate {
+        sensors.extend((0..100).map(|i| VirtualSensor {
             centre: DVec3::new(f64::from(i % 10) * 0.1, f64::from(i / 10) * 0.1, 0.5),
             normal: DVec3::Z,
             radius_m: 0.25,
         }));
-        let sheet = GateSheet::new(gates.len(), 0.8);
-        let tree = Gates::of(&Through { gates: &gates, sheet, most: 0 });
+        let sheet = SensorSheet::new(sensors.len(), 0.8);
+        let tree = SensorTree::of(&Through { sensors: &sensors, sheet, most: 0 });
         let mut crossings = 0;
         for ray in 0..2000 {
             let start = DVec3::new(one(-5.0, 5.0), one(-5.0, 5.0), one(-5.0, 5.0));
@@ -209,12 +217,12 @@ mod tests {
             let direction = if ray % 10 == 0 { DVec3::NEG_Z } else { away.normalize() };
             let reach_m = one(1.0, 12.0) as f32;
             let mut expected: Vec<usize> = Vec::new();
-            for (i, gate) in gates.iter().enumerate() {
-                let slope = direction.dot(gate.normal);
-                let along = (gate.centre - start).dot(gate.normal) / slope;
-                let off = start + direction * along - gate.centre;
+            for (i, sensor) in sensors.iter().enumerate() {
+                let slope = direction.dot(sensor.normal);
+                let along = (sensor.centre - start).dot(sensor.normal) / slope;
+                let off = start + direction * along - sensor.centre;
                 let here = along > 0.0 && along <= f64::from(reach_m) && slope < 0.0;
-                if here && off.length() <= gate.radius_m {
+                if here && off.length() <= sensor.radius_m {
                     expected.push(i);
                 }
             }

@@ -1,10 +1,19 @@
-use std::ops::Range;
+//! The order of the work: passes over time, and steps down the picture in each.
+//!
+//! A pass reads the timesteps of one chunk; how many of them can be filtered then depends on how far
+//! the filter reaches ahead, and on where the segment ends. [`Passes`] cuts the segments so, and
+//! [`Schedule`] cuts each pass into steps: some rows, and what must be read before they are filtered.
 
-use super::smooth::Part;
+use std::ops::Range;
+use std::sync::Arc;
+
+use super::filter::part::Part;
+use super::wave::STRIP_ROWS;
+use crate::base::limits::TILE_EDGE;
 
 /// One way down the picture: what is read on it, and the timesteps whose events can be found then.
 #[derive(Clone, Debug, Default)]
-pub(in crate::glare) struct Pass {
+pub(super) struct Pass {
     /// The timesteps to read; none where what was read before isn't all used up.
     pub reads: Range<usize>,
     /// What the filter can do once they are there.
@@ -18,9 +27,75 @@ impl Pass {
     }
 }
 
+/// A step of a pass: the rows of one wave.
+#[derive(Clone, Debug)]
+pub(super) struct Step {
+    pub pass: Arc<Pass>,
+    /// The rows that are filtered.
+    pub rows: Range<usize>,
+    /// The rows of tiles that are read before; none where all that the filter sees is there.
+    pub reads: Range<usize>,
+    /// Whether it is the last one of its pass.
+    pub ends: bool,
+}
+
+impl Step {
+    /// Whether it is the first one of its pass.
+    pub fn begins(&self) -> bool {
+        self.rows.start == 0
+    }
+}
+
+/// Cuts passes into steps, from the top of the picture to the bottom.
+#[derive(Debug)]
+pub(super) struct Schedule<'a> {
+    passes: Passes<'a>,
+    pass: Arc<Pass>,
+    /// Rows of the picture.
+    rows: usize,
+    /// Rows of a step.
+    step_rows: usize,
+    /// How far the filter reaches up and down.
+    reach: usize,
+    /// First row that isn't in a step of the present pass.
+    next: usize,
+    /// End of the rows that were read in the present pass.
+    read: usize,
+}
+
+impl<'a> Schedule<'a> {
+    /// The steps of `passes` down a picture of `rows` rows, `strips` strips at a time.
+    pub fn new(passes: Passes<'a>, rows: usize, strips: usize, reach: usize) -> Self {
+        let (pass, step_rows) = (Arc::default(), STRIP_ROWS * strips);
+        Self { passes, pass, rows, step_rows, reach, next: rows, read: 0 }
+    }
+
+    /// The next step; none at the end. `to_the_end`: should a pass begin, it doesn't go beyond the
+    /// end of its first segment.
+    pub fn next(&mut self, to_the_end: bool) -> Option<Step> {
+        if self.next == self.rows {
+            self.pass = Arc::new(self.passes.next(to_the_end)?);
+            (self.next, self.read) = (0, 0);
+        }
+        let rows = self.next..(self.next + self.step_rows).min(self.rows);
+        let mut reads = self.read..self.read;
+        if !self.pass.reads.is_empty() {
+            reads.end = (rows.end + self.reach).next_multiple_of(TILE_EDGE).min(self.rows);
+        }
+        (self.next, self.read) = (rows.end, reads.end);
+        Some(Step { pass: Arc::clone(&self.pass), ends: rows.end == self.rows, rows, reads })
+    }
+}
+
+/// Blocks of timesteps that are filtered in one pass at most: where a filter reaches far, much is
+/// ready at the end of a segment, and what is found of it takes memory.
+const MOST_BLOCKS: usize = 2;
+/// A block counts for so many timesteps there at least, that a wave is worth its threads.
+const LEAST_BLOCK: usize = 8;
+
 /// Cuts whole segments into passes.
 #[derive(Debug)]
-pub(in crate::glare) struct Passes<'a> {
+pub(super) struct Passes<'a> {
     /// Segments that aren't done.
     segments: &'a [Range<usize>],
     /// How many segments there were before those.
@@ -58,8 +133,7 @@ impl<'a> Passes<'a> {
             self.read = reads.end;
         }
         let mut parts = Vec::new();
-        // Where a filter reaches far, much is ready at the end of a segment: not all at once.
-        let mut left = 2 * self.block.max(8);
+        let mut left = MOST_BLOCKS * self.block.max(LEAST_BLOCK);
         while let Some(segment) = self.segments.first() {
             let ready = self.ready();
             let steps = self.done..ready.min(self.done + left);

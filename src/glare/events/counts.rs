@@ -45,10 +45,10 @@ pub(in crate::glare) struct Yearly {
     /// Hours of the year above the threshold.
     pub hours: f64,
     /// Days with glare.
-    pub days: i32,
+    pub days: u32,
     /// The most timesteps above the threshold on one day.
-    pub longest_day: i32,
-    today: i32,
+    pub longest_day: u32,
+    today: u32,
     /// The day after the one that `today` counts; 0 before the first.
     day_after: u32,
 }

@@ -30,7 +30,7 @@ struct Sheet {
 /// logarithm over the 8 nearest points (Franke and Nielson 1980); between incident angles along
 /// constant half vectors, so that the lobe moves instead of fading from one place to another. Beyond
 /// the measured angles the last ones count.
-pub struct Surface {
+pub struct Interpolation {
     isotropic: bool,
     sheets: Vec<Sheet>,
     /// Incident azimuth of each sheet, degrees.
@@ -165,8 +165,9 @@ impl Sheet {
     }
 }
 
-impl Surface {
-    pub(super) fn new(data: &Goniophotometer) -> Self {
+impl Interpolation {
+    /// The points joined to a function.
+    pub fn of(data: &Goniophotometer) -> Self {
         let isotropic = data.is_isotropic();
         let mut phis = Vec::new();
         let sheets = data

@@ -128,7 +128,7 @@ pub fn html(document: &Document) -> String {
                 h1 { (document.title) }
                 p class="subtitle" { (document.subtitle) }
                 @if document.draft {
-                    p class="draft" { "Draft, not for assessment: too few photons for durations (what is integrated has none, and is not concerned)." }
+                    p class="draft" { "Draft, not for assessment: there are too few photons for durations. Values that are integrated use no photons and are not affected." }
                 }
                 @for section in &document.sections { (part(section, 2)) }
                 footer { (document.provenance) }

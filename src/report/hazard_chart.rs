@@ -41,7 +41,7 @@ pub fn hazard_chart(
     Scatter {
         title: format!("{}: hazard to the eye", year.name),
         subtitle: format!(
-            "{}: {yellow:.1} h a year with potential for an after-image, {red:.1} h for a burn, {green:.1} h below",
+            "{}: {yellow:.1} h a year in which an after-image is possible, {red:.1} h in which a burn is, {green:.1} h in which neither is likely",
             candidate.name
         ),
         x: LogAxis { label: "angle that the source subtends (rad)".into(), decades: ANGLE_DECADES },

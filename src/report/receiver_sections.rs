@@ -5,7 +5,7 @@ use super::document::{Figure, Mark, Point, Section, Table, link};
 use super::error::Error;
 use super::judgements::Judgement;
 use super::sentences;
-use super::words::{hours, minutes};
+use super::words::{self, hours, minutes};
 use crate::base::MONTHS;
 use crate::glare::Lengths;
 use crate::project::artifacts::{ReceiverFile, ReceiverId};
@@ -43,7 +43,7 @@ pub fn sections(results: &Results<'_>, judgements: &[Judgement]) -> Result<Vec<S
     let each = Section {
         heading: "Observers and regions".into(),
         text: vec![
-            "A region is looked at by points on its surfaces; times are those of the point that is dazzled most, unless it says “anywhere”.".into(),
+            "A region is represented by points on its surfaces. Its times are those of the point with the most glare, unless the text says that they hold somewhere on it.".into(),
         ],
         tables: std::iter::once(totals(&all, &clock)).chain(by_month(results, &all)).collect(),
         parts,
@@ -56,7 +56,7 @@ fn nobody() -> Section {
     Section {
         heading: "Observers and regions".into(),
         text: vec![
-            "The project names none: add [[observer]] and [[region]] to project.toml (a neighbour's façade, a road, a plot) to read here who is dazzled, when, for how long, and what the rules say.".into(),
+            "The project names no observer and no region. Add [[observer]] and [[region]] to project.toml (a window, a neighbour's façade, a road, a plot) to read here who is dazzled, when, for how long, and what the rules say.".into(),
         ],
         ..Section::default()
     }
@@ -91,7 +91,7 @@ fn in_short(
                     .filter(|j| outcome(j.verdict.outcome))
                     .map(|j| match mark(j) {
                         Mark::Open if j.verdict.outcome != Outcome::NotEvaluated => {
-                            format!("{} (undecided: noise)", j.receiver)
+                            format!("{} (not certain within the noise)", j.receiver)
                         }
                         _ => j.receiver.clone(),
                     })
@@ -101,15 +101,15 @@ fn in_short(
             let within = names(&|o| matches!(o, Outcome::Kept | Outcome::Excused));
             let open = names(&|o| o == Outcome::NotEvaluated);
             let mut text = String::new();
-            for (words, list) in
-                [("Above it: ", &over), ("Within it: ", &within), ("Not evaluated: ", &open)]
+            for (lead, list) in
+                [("Exceeded at ", &over), ("Kept at ", &within), ("Not evaluated at ", &open)]
             {
                 if !list.is_empty() {
-                    text += &format!("{words}{}. ", list.join("; "));
+                    text += &format!("{lead}{}. ", words::list(list.iter().cloned()));
                 }
             }
             if text.is_empty() {
-                text = "No limit applies.".into();
+                text = "The rule has no limit that applies here.".into();
             }
             let mark = match (over.is_empty(), within.is_empty(), open.is_empty()) {
                 (false, _, _) => Mark::Exceeded,
@@ -118,7 +118,7 @@ fn in_short(
             };
             let today = if mine.iter().any(|j| j.reference) { " (for comparison)" } else { "" };
             points.push(Point {
-                lead: format!("{}{today}, {}:", candidate.name, rule.id),
+                lead: format!("{}{today}, rule {}:", candidate.name, rule.id),
                 text: text.trim_end().to_owned(),
                 mark,
             });
@@ -129,7 +129,7 @@ fn in_short(
         let status = serde_json::to_value(rule.status).ok();
         let status = status.as_ref().and_then(|s| s.as_str()).unwrap_or("");
         text.push(format!(
-            "{} (version {}, {status}): {}. {}",
+            "Rule {} (version {}, {status}) is taken from: {}. {}",
             rule.id, rule.version, rule.source, rule.note
         ));
     }
@@ -145,8 +145,8 @@ fn totals(all: &[(&Candidate, Received)], clock: &Clock) -> Table {
             "material",
             "energy (Wh/m²)",
             "peak (W/m²)",
-            "30 min worst day (W/m²)",
-            "50 h a year (W/m²)",
+            "exceeded for 30 min of the worst day (W/m²)",
+            "exceeded for 50 h of the year (W/m²)",
         ]
         .map(str::to_owned)
         .to_vec(),
@@ -264,10 +264,11 @@ fn receiver(
             .iter()
             .filter(|j| j.material == candidate.name && j.receiver == group.name)
             .collect();
-        let line = sentences::in_a_line(clock, group, eye, &of_material);
+        let verdicts: Vec<_> = of_material.iter().map(|j| &j.verdict).collect();
+        let glance = sentences::at_a_glance(clock, group, eye, &verdicts);
         out.points.push(Point {
             lead: format!("{}:", candidate.name),
-            text: [line, text].concat().join(" "),
+            text: glance.into_iter().chain(text).collect::<Vec<_>>().join(" "),
             mark: Mark::Plain,
         });
         if let Some(eye) = eye {
@@ -290,7 +291,11 @@ fn receiver(
                 text: match j.criteria.is_empty() {
                     true => j.sentence.clone(),
                     false => {
-                        format!("{} Criteria met: {}.", j.sentence, j.criteria.join("; "))
+                        format!(
+                            "{} Criteria of the rule that are met: {}.",
+                            j.sentence,
+                            j.criteria.join("; ")
+                        )
                     }
                 },
                 mark: mark(j),
@@ -332,8 +337,8 @@ fn looks_table() -> Table {
             "when",
             "above 30 kcd/m²",
             "above 50 kcd/m²",
-            "potential for an after-image",
-            "for a burn",
+            "after-image possible",
+            "burn of the retina possible",
             "veil (cd/m²)",
         ]
         .map(str::to_owned)

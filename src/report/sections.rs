@@ -34,7 +34,7 @@ pub fn document(
     let mut document = Document {
         title: format!("Glare from photovoltaics: {}", p.site.name),
         subtitle: format!(
-            "{:.4}° N, {:.4}° E · {} · {} suns{} · irradiance {}",
+            "{:.4}° N, {:.4}° E · {} · {} sun positions{} · irradiance {}",
             p.site.latitude,
             p.site.longitude,
             p.time.year,
@@ -91,7 +91,7 @@ fn photons(results: &Results<'_>) -> Result<Section, Error> {
     Ok(Section {
         heading: "What the PV does with the sun".into(),
         text: vec![format!(
-            "Shares of the sunlight that falls onto the planes of the PV over all computed suns. “Landed” is what reaches a surface within {} m of the PV.",
+            "Shares of the sunlight that falls onto the PV at all computed sun positions. “Landed” is what reaches a surface within {} m of the PV.",
             results.resolved.trace.max_path_m
         )],
         tables: vec![table],
@@ -169,45 +169,23 @@ fn longest_events(all: &[(String, f64, Vec<ListedEvent>)]) -> Option<Table> {
 }
 
 fn pictures_of(results: &Results<'_>, candidate: &Candidate) -> Section {
-    let mut files = vec![
-        (Map::Annual, "energy from the PV in a year", "annual".to_owned()),
-        (Map::Ratio, "energy in a year compared with the reference", "ratio".to_owned()),
-    ];
-    for &t in results.thresholds_w_m2() {
-        let glare = |map| Map::Glare(t, map);
-        files.push((
-            glare(GlareMap::Cumulative),
-            "hours of glare in a year",
-            format!("glare-{t}/cumulative"),
-        ));
-        files.push((
-            glare(GlareMap::Sustained),
-            "longest glare event",
-            format!("glare-{t}/sustained"),
-        ));
+    let thresholds = results.thresholds_w_m2();
+    let mut maps = vec![Map::Annual, Map::Ratio];
+    for &t in thresholds {
+        maps.extend([GlareMap::Cumulative, GlareMap::Sustained].map(|map| Map::Glare(t, map)));
     }
-    if let Some(&t) = results.thresholds_w_m2().iter().min_by(|a, b| a.total_cmp(b)) {
-        for (map, caption) in [
-            (YearMap::LongestDay, "glare on the worst day, unfiltered"),
-            (YearMap::ExceededOnWorstDay, "irradiance exceeded for 30 minutes of the worst day"),
-            (YearMap::ExceededInYear, "irradiance exceeded for 50 hours of the year"),
-        ] {
-            files.push((
-                Map::Glare(t, GlareMap::Unfiltered(map)),
-                caption,
-                format!("glare-{t}/unfiltered/{}", map.name()),
-            ));
-        }
+    if let Some(&t) = thresholds.iter().min_by(|a, b| a.total_cmp(b)) {
+        let year = [YearMap::LongestDay, YearMap::ExceededOnWorstDay, YearMap::ExceededInYear];
+        maps.extend(year.map(|map| Map::Glare(t, GlareMap::Unfiltered(map))));
     }
     let mut figures = Vec::new();
-    for (map, caption, file) in files {
+    for map in maps {
         for view in &results.resolved.views {
             let png = results.folder.png(&candidate.name, &view.name, map);
             if results.folder.at(&png).exists() {
-                figures.push(Figure {
-                    path: link(&png),
-                    caption: format!("{}, {}: {caption} ({file})", candidate.name, view.name),
-                });
+                let title = map.title_above(results.timeline.basis);
+                let caption = format!("{}, view “{}”: {title}", candidate.name, view.name);
+                figures.push(Figure { path: link(&png), caption });
             }
         }
     }
@@ -219,7 +197,7 @@ fn trees(resolved: &Resolved) -> String {
     match resolved.scene.seasons.as_slice() {
         [] => "Trees are opaque all year.".into(),
         seasons => format!(
-            "Crowns let light through by month, each as a whole (January to December: {}); all else is opaque. Maps draw crowns as they stand in the model, and the mirror rule takes them as opaque.",
+            "Tree crowns let light through by month, each crown as a whole (January to December: {}). Everything else is opaque. Maps show crowns as they stand in the model; the mirror rule takes them as opaque.",
             seasons
                 .iter()
                 .map(|s| {
@@ -276,18 +254,18 @@ fn limits_of_it(results: &Results<'_>) -> Section {
             resolved.trace.max_path_m
         ),
         format!(
-            "Time above a threshold counts the irradiance {}, from the PV alone. Irradiance on a surface is less than what an eye receives that looks towards the PV: a low beam puts only part of itself onto the ground. annual.exr holds both.",
+            "Time counts while the irradiance {}, from the PV alone, is above the threshold. An eye that looks towards the PV receives more than a surface does, because a low beam strikes the ground at a flat angle. The file annual.exr holds both irradiances.",
             quantity_words(resolved.quantity)
         ),
-        "Rules are judged at the point of an observer or region where each value is largest, unfiltered unless the rule asks for the filter; there it runs over time alone.".into(),
+        "Rules are judged at that point of an observer or region where each value is largest. The irradiance is not filtered unless the rule asks for it; the filter then runs over time only.".into(),
         format!(
-            "What eyes see (luminance, hazard, veil) is integrated over the PV's cells of half a metre, without photons and without a limit of distance; only what lies before the eye counts. A watt is taken for {} lm. The hazard is that of Ho, Ghanbari and Diver (2011), of the part of the PV that is worst; the veil that of CIE 146:2002 at {} years of age, for a line of sight along the observer's direction (to the middle of the PV where it has none). Mirror images of the sun are some 10 million to a billion cd/m²: above every limit of luminance.",
+            "What eyes see (luminance, hazard, veiling luminance) is integrated over cells of the PV half a metre wide, without photons and without a limit of distance; only what lies in front of the eye counts. A watt is taken for {} lm. The hazard is that of Ho, Ghanbari and Diver (2011), of the part of the PV that is worst; the veil that of CIE 146:2002 at {} years of age, for a line of sight along the observer's direction (to the middle of the PV where it has none). Mirror images of the sun have some 10 million to a billion cd/m², more than any limit of luminance.",
             results.timeline.basis.lm_per_w(),
             VEIL_AGE_YEARS,
         ),
     ];
     if resolved.needs_photons() {
-        text.push("The noise of a value is that of its photons: all irradiances two standard errors lower, and two higher. It doesn't hold what the model leaves out. In free air photons are counted where they cross a disc of 0.1 m radius or less, in a run of their own.".into());
+        text.push("“Within the noise” gives the values for all irradiances two standard errors lower and two standard errors higher, as the number of photons behind them says. It does not include what the model leaves out. In free air, photons are counted where they cross a disc of 0.1 m radius or less, in a run of their own.".into());
     }
     let name = |v: &PlannedView| match v.name == RECEIVERS {
         true => "the observers and regions".to_owned(),
@@ -296,15 +274,15 @@ fn limits_of_it(results: &Results<'_>) -> Section {
     let direct: Vec<String> = resolved.with_sensors().filter(|v| v.is_direct()).map(name).collect();
     if !direct.is_empty() {
         text.push(format!(
-            "Integrated over the PV without photons, so without noise: {}. How far that may be off stands in their annual.exr, error.wh_m2.",
+            "Some values are integrated over the PV without photons, so without noise: {}. The channel error.wh_m2 of their annual.exr says how far they may be off.",
             direct.join(", ")
         ));
     }
     if results.timeline.basis == SpectralBasis::Visible {
-        text.push("Irradiances are visible watts of Radiance's gensky, about half of the full spectrum: held against thresholds that mean the full one, they come out too low.".into());
+        text.push("Irradiances are visible watts of Radiance's gensky, about half of the full spectrum. Compared with thresholds that mean the full spectrum, they come out too low.".into());
     }
     if p.time.half_year {
-        text.push("Half a year was computed and counted twice (Equation (1) of the paper). Hours of the year come out 20 to 50 % too high where glare is a matter of summer, and dates of the other half are not known.".into());
+        text.push("Half a year was computed and counted twice (Equation (1) of the paper). Where glare occurs in summer, the hours of the year come out 20 to 50 % too high, and the dates of the other half are not known.".into());
     }
     if resolved.is_draft() {
         text.push(format!(
@@ -312,7 +290,7 @@ fn limits_of_it(results: &Results<'_>) -> Section {
             p.photons.stored
         ));
     }
-    text.push("Whether people are disturbed is a judgement that a threshold can't make.".into());
+    text.push("A threshold cannot decide whether people feel disturbed.".into());
     Section {
         heading: "What this assumes, and what it does not say".into(),
         text,

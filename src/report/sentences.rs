@@ -1,6 +1,5 @@
 //! Results in sentences: where a receiver is, how long it is dazzled, what a rule says of it.
 
-use super::judgements::Judgement;
 use super::words::{hours, list, minutes};
 use crate::project::Results;
 use crate::receivers::clock::Clock;
@@ -38,7 +37,58 @@ pub fn criterion(limit: &Limit, value: f64) -> String {
     )
 }
 
-/// `Within paper-2018.` or what of it is exceeded, or why it says nothing.
+/// A limit as a planner says it: `50 h of glare a year above 10 W/m²`. `lowest_w_m2`: what counts
+/// where the rule names no irradiance.
+pub fn limit_words(limit: &Limit, lowest_w_m2: Option<f64>) -> String {
+    let value = number(limit.value, limit.quantity);
+    let above = match (limit.threshold_w_m2, lowest_w_m2) {
+        (Some(t), _) => format!(" above {t} W/m²"),
+        (None, Some(t)) => format!(" above {t} W/m² (the rule names no irradiance)"),
+        (None, None) => String::new(),
+    };
+    match limit.quantity {
+        Quantity::SustainedMin => format!("{value} for one glare event{above}"),
+        Quantity::LongestRunMin => format!("{value} of glare without a break{above}"),
+        Quantity::DailyTotalMin => format!("{value} of glare a day{above}"),
+        Quantity::AnnualH => format!("{value} of glare a year{above}"),
+        Quantity::Months => format!("{value} with glare{above}"),
+        Quantity::LuminanceCdM2 => format!("a luminance of {value}"),
+        Quantity::AfterImageRatio => {
+            format!("{value} the retinal irradiance from which an after-image is possible")
+        }
+        Quantity::BurnRatio => {
+            format!("{value} the retinal irradiance from which the retina may burn")
+        }
+        Quantity::IrradianceWM2 => format!("an irradiance of {value}"),
+        Quantity::DistanceM => format!("a distance of {value} to the PV"),
+        Quantity::PvAreaM2 => format!("a PV area of {value}"),
+        Quantity::SubtendedDeg => format!("an angle of {value} that the PV spans"),
+    }
+}
+
+/// `The limit of 50 h of glare a year above 10 W/m² may be exceeded: 42 h were found, 0 h to 94 h
+/// within the noise.`
+fn finding(limit: &Limit, judged: &Judged, lowest_w_m2: Option<f64>) -> String {
+    let show = |v: f64| number(v, limit.quantity);
+    let verb = match (judged.outcome, judged.certain) {
+        (Outcome::Exceeded, true) => "is exceeded",
+        (Outcome::Exceeded, false) => "is probably exceeded",
+        (Outcome::Excused, true) => "is exceeded, which another limit excuses",
+        (Outcome::Excused, false) => "is probably exceeded, which another limit excuses",
+        (_, true) => "is kept",
+        (_, false) => "may be exceeded",
+    };
+    let mut text = format!("The limit of {} {verb}", limit_words(limit, lowest_w_m2));
+    if let Some(value) = judged.value {
+        text += &format!(": {} were found", show(value));
+    }
+    if let Some([low, high]) = judged.band.filter(|[low, high]| low < high) {
+        text += &format!(", {} to {} within the noise", show(low), show(high));
+    }
+    text + "."
+}
+
+/// What a rule says of a receiver.
 pub fn verdict(
     results: &Results<'_>,
     group: &GroupReceived,
@@ -48,75 +98,53 @@ pub fn verdict(
 ) -> String {
     let id = &profile.id;
     if profile.limits.is_empty() {
-        return format!("{id} has no numerical criterion.");
+        return format!("Rule {id} has no numerical limit.");
     }
     if let (Some(reason), false) = (&group.not_evaluated, has_eye) {
-        return format!("{id}: not evaluated, because {reason}.");
+        return format!("Rule {id} was not evaluated, because {reason}.");
     }
-    let of = |outcome: Outcome| {
-        profile
-            .limits
-            .iter()
-            .zip(&verdict.limits)
-            .filter(move |(l, j)| !l.only_informs && !l.only_excuses && j.outcome == outcome)
+    let lowest_w_m2 = lowest(group).map(|at| at.threshold_w_m2);
+    let judged: Vec<(&Limit, &Judged)> =
+        profile.limits.iter().zip(&verdict.limits).filter(|(l, _)| !l.only_informs).collect();
+    let counted = || judged.iter().filter(|(l, _)| !l.only_excuses);
+    let exceeded = || counted().filter(|(_, j)| j.outcome == Outcome::Exceeded);
+    let is_open = |j: &Judged| {
+        !j.certain && matches!(j.outcome, Outcome::Exceeded | Outcome::Kept | Outcome::Excused)
     };
-    let said = |(limit, judged): (&Limit, &Judged)| {
-        let show = |v: f64| number(v, limit.quantity);
-        let mut text = limit.quantity.words().to_owned();
-        if limit.quantity.is_time() {
-            text += &above(group, limit);
+    let open = judged.iter().any(|(_, j)| is_open(j));
+    let why = why(results, profile, verdict);
+    let mut sentences = vec![match verdict.outcome {
+        Outcome::Exceeded if exceeded().any(|(_, j)| j.certain) => {
+            format!("Rule {id} is exceeded.")
         }
-        if let Some(value) = judged.value {
-            text += &format!(": {}", show(value));
+        Outcome::Exceeded => format!("Rule {id} is probably exceeded."),
+        Outcome::Kept | Outcome::Excused if open => {
+            format!("Rule {id} is kept, but not for certain within the noise.")
         }
-        if let Some([low, high]) = judged.band.filter(|[low, high]| low < high) {
-            text += &format!(" ({} to {} within the noise)", show(low), show(high));
-        }
-        text + &format!(", {} {} is too much", limit.operator.words(), show(limit.value))
+        Outcome::Kept | Outcome::Excused => format!("Rule {id} is kept."),
+        Outcome::NotApplicable => format!("Rule {id} has no limit for this class of receiver."),
+        Outcome::NotEvaluated => format!("Rule {id} was not evaluated{why}."),
+    }];
+    let told = |(l, j): &&(&Limit, &Judged)| {
+        is_open(j) || !l.only_excuses && j.outcome == Outcome::Exceeded
     };
-    let mut text = match verdict.outcome {
-        Outcome::Exceeded => {
-            format!("Above {id}: {}.", list(of(Outcome::Exceeded).map(said)))
-        }
-        Outcome::Kept => format!("Within {id}."),
-        Outcome::Excused => format!("Within {id}, because another limit excuses it."),
-        Outcome::NotApplicable => format!("{id} has no limit for this class."),
-        Outcome::NotEvaluated => format!("{id}: not evaluated{}.", why(results, profile, verdict)),
-    };
-    let open: Vec<String> = profile
-        .limits
-        .iter()
-        .zip(&verdict.limits)
-        .filter(|(l, j)| {
-            !l.only_informs
-                && !j.certain
-                && matches!(j.outcome, Outcome::Exceeded | Outcome::Kept | Outcome::Excused)
-        })
-        .map(|(l, j)| match j.outcome {
-            Outcome::Kept => said((l, j)),
-            _ => l.id.clone(),
-        })
-        .collect();
-    if !open.is_empty() {
-        text += &format!(" Undecided, as the noise reaches over the limit: {}.", list(open));
-    }
-    if verdict.outcome == Outcome::Exceeded && of(Outcome::NotEvaluated).count() > 0 {
-        text += &format!(" Not evaluated{}.", why(results, profile, verdict));
+    sentences.extend(judged.iter().filter(told).map(|(l, j)| finding(l, j, lowest_w_m2)));
+    let not_evaluated = counted().any(|(_, j)| j.outcome == Outcome::NotEvaluated);
+    if verdict.outcome == Outcome::Exceeded && not_evaluated {
+        sentences.push(format!("Part of it was not evaluated{why}."));
     }
     if let Some(grade) = &verdict.grade {
-        text += &format!(" Its grade: {grade}.");
+        sentences.push(format!("The rule's grade is “{grade}”."));
     }
-    text
+    sentences.join(" ")
 }
 
-/// What the irradiance must exceed for time to count.
-fn above(group: &GroupReceived, limit: &Limit) -> String {
-    match (limit.threshold_w_m2, lowest(group)) {
-        (Some(t), _) => format!(" above {t} W/m²"),
-        (None, Some(at)) => {
-            format!(" above {} W/m² (the rule names no irradiance)", at.threshold_w_m2)
-        }
-        _ => String::new(),
+/// What a rule assumes, in the words of its conditions, said plainly.
+fn condition_words(condition: &str) -> String {
+    match condition {
+        "all-pv" => "all PV together".into(),
+        "clear-sky" => "a sky that is always clear".into(),
+        other => other.into(),
     }
 }
 
@@ -127,130 +155,124 @@ fn why(results: &Results<'_>, profile: &Profile, verdict: &Verdict) -> String {
         if judged.outcome != Outcome::NotEvaluated || limit.only_informs {
             continue;
         }
-        let missing: Vec<String> =
-            limit.conditions.iter().filter(|c| !assumed.contains(c)).cloned().collect();
+        let missing = limit.conditions.iter().filter(|c| !assumed.contains(c));
+        let missing: Vec<String> = missing.map(|c| condition_words(c)).collect();
         let reason = match limit.quantity {
             Quantity::LuminanceCdM2 | Quantity::AfterImageRatio | Quantity::BurnRatio => {
-                format!("{} is computed for observers only", limit.quantity.words())
+                format!("the {} is computed for observers only", limit.quantity.words())
             }
-            _ if !missing.is_empty() => format!("it assumes {}", list(missing)),
-            Quantity::Months => "the months of half a year, doubled, are not known".into(),
+            _ if !missing.is_empty() => format!("the rule assumes {}", list(missing)),
+            Quantity::Months => {
+                "only half of the year was computed, so its months are not known".into()
+            }
             _ => match limit.threshold_w_m2 {
-                Some(t) => format!("{t} W/m² is not among glare.thresholds_w_m2"),
-                None => format!("{} was not measured", limit.quantity.words()),
+                Some(t) => {
+                    format!("the project has no threshold of {t} W/m² (in glare.thresholds_w_m2)")
+                }
+                None => format!("the {} was not measured", limit.quantity.words()),
             },
         };
         if !reasons.contains(&reason) {
             reasons.push(reason);
         }
     }
-    if reasons.is_empty() { String::new() } else { format!(": {}", reasons.join("; ")) }
+    if reasons.is_empty() { String::new() } else { format!(", because {}", reasons.join("; ")) }
 }
 
-/// All rules in a line: `24 min on 21 June, 17 h in the year: within paper-2018; above …`. The
-/// numbers are those above the lowest threshold, unfiltered, with what the noise makes of them.
-pub fn in_a_line(
+/// `(20 min to 30 min within the noise)`, or nothing where there is none.
+fn within_noise(v: Banded, show: &dyn Fn(f64) -> String) -> String {
+    match v.low < v.high {
+        true => format!(" ({} to {} within the noise)", show(v.low), show(v.high)),
+        false => String::new(),
+    }
+}
+
+/// The worst day and the year of a receiver above the lowest threshold, unfiltered, then all rules
+/// at a glance: `At worst 24 min on 21 June, and 17 h in the year. Kept: paper-2018. Exceeded: …`.
+pub fn at_a_glance(
     clock: &Clock,
     group: &GroupReceived,
     eye: Option<&EyeYear>,
-    judgements: &[&Judgement],
-) -> Vec<String> {
+    verdicts: &[&Verdict],
+) -> Option<String> {
     let long = |day: Banded, date: u32, year: Banded| {
-        let band = |v: Banded, show: &dyn Fn(f64) -> String| match v.low < v.high {
-            true => format!(" ({} to {})", show(v.low), show(v.high)),
-            false => String::new(),
-        };
-        let in_minutes = |h: f64| minutes(h * 60.0);
         if year.value <= 0.0 {
-            return format!("no glare{}", band(year, &hours));
+            return format!("No glare{}.", within_noise(year, &hours));
         }
-        let (on, day_band) = (clock.date(date), band(day, &in_minutes));
-        let (in_day, in_year) = (in_minutes(day.value), hours(year.value));
-        format!("{in_day}{day_band} on {on}, {in_year}{} in the year", band(year, &hours))
+        let in_minutes = |h: f64| minutes(h * 60.0);
+        format!(
+            "At worst {}{} on {}, and {}{} in the year.",
+            in_minutes(day.value),
+            within_noise(day, &in_minutes),
+            clock.date(date),
+            hours(year.value),
+            within_noise(year, &hours)
+        )
     };
     let irradiance = |t: &&EyeTime| matches!(t.measure, Measure::Irradiance(_));
-    let numbers = match (group.not_evaluated.is_some(), lowest(group)) {
+    let mut text = match (group.not_evaluated.is_some(), lowest(group)) {
         (false, Some(at)) => long(at.longest_day_h, at.longest_day, at.hours),
-        // The thresholds of an eye are in the order of the project, its hours fall with them.
-        _ => match eye
-            .into_iter()
-            .flat_map(|e| &e.times)
-            .filter(irradiance)
-            .max_by(|a, b| a.glare.hours.total_cmp(&b.glare.hours))
-        {
-            Some(EyeTime { glare: g, .. }) => {
-                long(Banded::exactly(g.longest_day_h), g.longest_day, Banded::exactly(g.hours))
-            }
-            None => return Vec::new(),
-        },
+        _ => {
+            // The thresholds of an eye are in the order of the project, its hours fall with them.
+            let all = eye.into_iter().flat_map(|e| &e.times).filter(irradiance);
+            let g = &all.max_by(|a, b| a.glare.hours.total_cmp(&b.glare.hours))?.glare;
+            let [day, year] = [g.longest_day_h, g.hours].map(Banded::exactly);
+            long(day, g.longest_day, year)
+        }
     };
-    let open = |j: &Judgement| {
-        j.verdict.limits.iter().any(|l| !l.certain && l.outcome != Outcome::NotApplicable)
+    let open =
+        |v: &Verdict| v.limits.iter().any(|l| !l.certain && l.outcome != Outcome::NotApplicable);
+    let kept = |v: &Verdict| matches!(v.outcome, Outcome::Kept | Outcome::Excused);
+    let exceeded = |v: &Verdict| v.outcome == Outcome::Exceeded;
+    let mut named = |words: &str, which: &dyn Fn(&Verdict) -> bool| {
+        let all = verdicts.iter().filter(|v| which(v));
+        let ids: Vec<&str> = all.map(|v| v.profile.as_str()).collect();
+        if !ids.is_empty() {
+            text += &format!(" {words}: {}.", ids.join(", "));
+        }
     };
-    let named = |word: &str, which: &dyn Fn(&Judgement) -> bool| {
-        let ids: Vec<&str> =
-            judgements.iter().filter(|j| which(j)).map(|j| j.rule.as_str()).collect();
-        if ids.is_empty() { String::new() } else { format!("{word} {}", ids.join(", ")) }
-    };
-    let is = |j: &Judgement, outcomes: &[Outcome]| outcomes.contains(&j.verdict.outcome);
-    let kept = [Outcome::Kept, Outcome::Excused];
-    let parts = [
-        named("within", &|j| is(j, &kept) && !open(j)),
-        named("above", &|j| is(j, &[Outcome::Exceeded]) && !open(j)),
-        named("undecided", &|j| (is(j, &kept) || is(j, &[Outcome::Exceeded])) && open(j)),
-        named("not evaluated:", &|j| is(j, &[Outcome::NotEvaluated])),
-        named("no limit for its class in", &|j| is(j, &[Outcome::NotApplicable])),
-    ];
-    let said: Vec<String> = parts.into_iter().filter(|p| !p.is_empty()).collect();
-    let mut text = numbers;
-    if !said.is_empty() {
-        text += &format!(": {}", said.join("; "));
-    }
-    text.push('.');
-    vec![text.replacen("no glare", "No glare", 1)]
+    named("Kept", &|v| kept(v) && !open(v));
+    named("Exceeded", &|v| exceeded(v) && !open(v));
+    named("Not certain within the noise", &|v| (kept(v) || exceeded(v)) && open(v));
+    named("Not evaluated", &|v| v.outcome == Outcome::NotEvaluated);
+    named("Without a limit for its class", &|v| v.outcome == Outcome::NotApplicable);
+    Some(text)
 }
 
-/// A receiver with a material in a sentence: how long at worst, when, how much in the year.
+/// How long a receiver has glare with a material, a sentence for each threshold.
 pub fn durations(clock: &Clock, group: &GroupReceived) -> Vec<String> {
     if let Some(reason) = &group.not_evaluated {
-        return vec![format!("Not evaluated: {reason}.")];
+        return vec![format!("Not evaluated, because {reason}.")];
     }
+    let in_minutes = |h: f64| minutes(h * 60.0);
     let mut out = Vec::new();
     for at in &group.thresholds {
         let t = at.threshold_w_m2;
         if at.anywhere.hours <= 0.0 {
-            let noise = if at.hours.high > 0.0 {
-                format!(" (the noise allows up to {} in the year)", hours(at.hours.high))
-            } else {
-                String::new()
+            let noise = match at.hours.high > 0.0 {
+                true => format!(" (within the noise up to {} in the year)", hours(at.hours.high)),
+                false => String::new(),
             };
-            out.push(format!("Never above {t} W/m²{noise}."));
+            out.push(format!("The irradiance never exceeds {t} W/m²{noise}."));
             continue;
         }
-        let band = |v: Banded, show: &dyn Fn(f64) -> String| {
-            if v.low < v.high {
-                format!(" ({} to {} within the noise)", show(v.low), show(v.high))
-            } else {
-                String::new()
-            }
-        };
-        let in_minutes = |h: f64| minutes(h * 60.0);
-        let where_ = if group.points > 1 { " at its worst point" } else { "" };
         let mut text = format!(
-            "Above {t} W/m²{where_} for {}{} on {}, {}{} in the year",
+            "{} exceeds {t} W/m² for {}{} on {}, its worst day, and for {}{} in the year.",
+            if group.points > 1 { "At the worst point the irradiance" } else { "The irradiance" },
             in_minutes(at.longest_day_h.value),
-            band(at.longest_day_h, &in_minutes),
+            within_noise(at.longest_day_h, &in_minutes),
             clock.date(at.longest_day),
             hours(at.hours.value),
-            band(at.hours, &hours),
+            within_noise(at.hours, &hours),
         );
         if group.points > 1 {
-            text += &format!("; {} in the year anywhere on it", hours(at.anywhere.hours));
+            text +=
+                &format!(" Somewhere on it this lasts {} in the year", hours(at.anywhere.hours));
             if group.area_m2 > 0.0 {
-                text += &format!(", {:.0} of {:.0} m²", at.area_m2, group.area_m2);
+                text += &format!(", on {:.0} of its {:.0} m²", at.area_m2, group.area_m2);
             }
+            text.push('.');
         }
-        text.push('.');
         out.push(text);
     }
     out
@@ -263,17 +285,17 @@ pub fn eye_durations(clock: &Clock, eye: &EyeYear) -> Vec<String> {
         let Measure::Irradiance(t) = time.measure else { continue };
         let g = &time.glare;
         if g.hours <= 0.0 {
-            out.push(format!("Never above {t} W/m² at the eye."));
+            out.push(format!("The irradiance at the eye never exceeds {t} W/m²."));
             continue;
         }
         out.push(format!(
-            "Above {t} W/m² at the eye for {} on {}, {} in the year.",
+            "The irradiance at the eye exceeds {t} W/m² for {} on {}, its worst day, and for {} in the year.",
             minutes(g.longest_day_h * 60.0),
             clock.date(g.longest_day),
             hours(g.hours)
         ));
     }
-    out.push("Integrated over the PV, without photons.".into());
+    out.push("These values are integrated over the PV, without photons and without noise.".into());
     out
 }
 

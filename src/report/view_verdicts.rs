@@ -4,6 +4,7 @@
 use super::document::Table;
 use super::error::Error;
 use super::maps::read_map;
+use super::sentences::limit_words;
 use crate::base::Grid;
 use crate::glare::{HourBounds, YearMap};
 use crate::project::{Candidate, GlareMap, Map, PlannedView, Results};
@@ -25,9 +26,17 @@ struct Duration {
 /// A row for each material, rule and limit.
 pub fn table(results: &Results<'_>, view: &PlannedView) -> Result<Option<Table>, Error> {
     let mut table = Table {
-        head: ["material", "rule", "limit", "largest here", "allowed", "verdict", "of the view"]
-            .map(str::to_owned)
-            .to_vec(),
+        head: [
+            "material",
+            "rule",
+            "limit",
+            "largest here",
+            "allowed",
+            "verdict",
+            "share of the view",
+        ]
+        .map(str::to_owned)
+        .to_vec(),
         rows: Vec::new(),
     };
     let profiles = &results.resolved.rules;
@@ -35,6 +44,7 @@ pub fn table(results: &Results<'_>, view: &PlannedView) -> Result<Option<Table>,
         return Ok(None);
     }
     let hits = results.folder.read_hits(&view.name)?;
+    let lowest_w_m2 = results.thresholds_w_m2().iter().copied().fold(f64::INFINITY, f64::min);
     let receivers = hits.hits.iter().filter(|h| h.kind.receives()).count();
     for candidate in &results.resolved.candidates {
         let durations = durations(results, candidate, view)?;
@@ -61,7 +71,7 @@ pub fn table(results: &Results<'_>, view: &PlannedView) -> Result<Option<Table>,
             conditions: conditions(results),
         };
         for profile in profiles {
-            rows(candidate, profile, &metrics, &durations, receivers, &mut table);
+            rows(candidate, profile, (&metrics, lowest_w_m2), &durations, receivers, &mut table);
         }
     }
     Ok(Some(table))
@@ -108,7 +118,7 @@ fn durations(
 fn rows(
     candidate: &Candidate,
     profile: &Profile,
-    metrics: &Metrics,
+    (metrics, lowest_w_m2): (&Metrics, f64),
     durations: &[Duration],
     receivers: usize,
     table: &mut Table,
@@ -116,7 +126,7 @@ fn rows(
     let verdict = profile.judge(metrics);
     if profile.limits.is_empty() {
         let mut row = vec![candidate.name.clone(), profile.id.clone()];
-        row.extend(["none", "–", "–", "no numerical criterion", "–"].map(str::to_owned));
+        row.extend(["none", "–", "–", "no numerical limit", "–"].map(str::to_owned));
         table.rows.push(row);
     }
     let decides = |(limit, _): &(&Limit, _)| !limit.only_informs;
@@ -130,7 +140,7 @@ fn rows(
         table.rows.push(vec![
             candidate.name.clone(),
             profile.id.clone(),
-            limit.id.clone(),
+            limit_words(limit, Some(lowest_w_m2).filter(|_| limit.quantity.is_time())),
             value.unwrap_or_else(|| "–".into()),
             format!("{} {unit}", limit.value),
             words(judged).to_owned(),
@@ -155,13 +165,13 @@ fn share_above(limit: &Limit, durations: &[Duration], receivers: usize) -> Optio
     let open = (0..found.map.data().len())
         .filter(|i| band.exceeds((i % columns, i / columns), limit.value as f32).is_none())
         .count();
-    Some(format!("{}, {} undecided", percent(above), percent(open)))
+    Some(format!("{}, not certain on {}", percent(above), percent(open)))
 }
 
 fn words(judged: &Judged) -> &'static str {
     let decides = matches!(judged.outcome, Outcome::Exceeded | Outcome::Kept);
     if decides && !judged.certain {
-        return "undecided: the noise reaches over the limit";
+        return "not certain: the limit lies within the noise";
     }
     match judged.outcome {
         Outcome::Exceeded => "exceeded somewhere",

@@ -204,6 +204,17 @@ impl Map {
         };
         title.to_owned()
     }
+
+    /// The title, with the threshold where it counts time above one.
+    pub fn title_above(self, basis: SpectralBasis) -> String {
+        let watts = irradiance_unit(basis);
+        match self {
+            Self::Glare(t, _) if self.unit(basis) != watts => {
+                format!("{} above {t} {watts}", self.title())
+            }
+            _ => self.title(),
+        }
+    }
 }
 
 /// The folder of an analysis, below that of the view.

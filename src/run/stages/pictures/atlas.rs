@@ -111,13 +111,8 @@ impl<'a> Atlas<'a> {
     /// A drawing of a map, its title that of the map; where it counts time above a threshold, with
     /// the threshold.
     pub fn drawing(&self, map: Map, legend: String, caption: String, scale: Scale) -> Drawing {
-        let (title, bare) = match map {
-            Map::Glare(t, _) if map.unit(self.basis) != self.watts() => {
-                (format!("{} above {t} {}", map.title(), self.watts()), NEVER)
-            }
-            _ => (map.title(), LESS),
-        };
-        let bare = bare.to_owned();
+        let title = map.title_above(self.basis);
+        let bare = if title == map.title() { LESS } else { NEVER }.to_owned();
         let (faint_wh_m2, is_of_noise) = (None, false);
         Drawing { map, title, legend, bare, caption, scale, faint_wh_m2, is_of_noise }
     }

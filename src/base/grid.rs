@@ -13,6 +13,13 @@ impl<T: Clone> Grid<T> {
     }
 }
 
+impl Grid<f32> {
+    /// The largest value; 0 where none is larger.
+    pub fn largest(&self) -> f32 {
+        self.data.iter().copied().fold(0.0, f32::max)
+    }
+}
+
 impl<T> Grid<T> {
     /// Wraps row-major data.
     ///

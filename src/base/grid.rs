@@ -1,3 +1,5 @@
+//! Pictures as numbers, and the tiles that they are cut into.
+
 /// A picture's worth of numbers: row-major, row 0 at the top.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Grid<T> {

@@ -25,7 +25,7 @@ use super::views::RECEIVERS;
 use super::words::{NamedStrength, SkyModel, StrengthTable, WordOr};
 use crate::base::{FaultKind, limits};
 use crate::site::{Files, Origin, PvArray, PvSpec, SceneFile, SceneSpec, Season};
-use crate::sky::{self, DayRange, FarHorizon, HourRange, Irradiance, Place, TimeSpec, Weather};
+use crate::sky::{self, DayRange, FarHorizon, HourRange, Place, TimeSpec, Weather};
 
 /// Reads a plan off a project file, table by table.
 pub(super) struct Reader<'a> {
@@ -240,21 +240,21 @@ impl<'a> Reader<'a> {
         times
     }
 
-    fn irradiance(&self) -> Irradiance {
+    fn irradiance(&self) -> sky::SunStrength {
         let key = Key::of("time.irradiance");
         let table = match &self.project.time.irradiance {
-            WordOr::Word(NamedStrength::ClearSky) => return Irradiance::ClearSky,
-            WordOr::Word(NamedStrength::Gensky) => return Irradiance::Gensky,
+            WordOr::Word(NamedStrength::ClearSky) => return sky::SunStrength::ClearSky,
+            WordOr::Word(NamedStrength::Gensky) => return sky::SunStrength::Gensky,
             WordOr::Table(table) => table,
         };
         match table {
             StrengthTable { constant: Some(w_m2), epw: None, model: None, linke: None } => {
-                Irradiance::Constant(*w_m2)
+                sky::SunStrength::Constant(*w_m2)
             }
             StrengthTable { constant: None, epw: Some(path), model: None, linke: None } => {
                 let weather = Weather::read(&self.beside(path));
                 let weather = self.checked(&key.key("epw"), weather, Error::Sky);
-                weather.map_or(Irradiance::ClearSky, Irradiance::Epw)
+                weather.map_or(sky::SunStrength::ClearSky, sky::SunStrength::Epw)
             }
             StrengthTable {
                 constant: None,
@@ -262,17 +262,17 @@ impl<'a> Reader<'a> {
                 model: Some(SkyModel::Ineichen),
                 linke: Some(linke),
             } => match <[f64; 12]>::try_from(linke.as_slice()) {
-                Ok(linke) => Irradiance::Ineichen { linke },
+                Ok(linke) => sky::SunStrength::Ineichen { linke },
                 Err(_) => {
                     let found = linke.len();
                     let what = format!("expected 12 numbers, one a month, found {found}");
                     self.wrong(&key.key("linke"), what);
-                    Irradiance::ClearSky
+                    sky::SunStrength::ClearSky
                 }
             },
             _ => {
                 self.wrong(&key, "expected \"clear-sky\", \"gensky\", { epw = \"site.epw\" }, { constant = 1000 } or { model = \"ineichen\", linke = [12 values] }");
-                Irradiance::ClearSky
+                sky::SunStrength::ClearSky
             }
         }
     }

@@ -41,10 +41,10 @@ impl SunModel {
     }
 
     /// The strength that goes with it where none is asked for.
-    pub fn default_irradiance(self) -> Irradiance {
+    pub fn default_irradiance(self) -> SunStrength {
         match self {
-            Self::Gensky2018 | Self::Gensky => Irradiance::Gensky,
-            Self::Spa => Irradiance::ClearSky,
+            Self::Gensky2018 | Self::Gensky => SunStrength::Gensky,
+            Self::Spa => SunStrength::ClearSky,
         }
     }
 }
@@ -63,7 +63,7 @@ impl FromStr for SunModel {
 /// How strong the sun is.
 #[derive(Clone, Debug, PartialEq, serde::Serialize)]
 #[serde(rename_all = "kebab-case")]
-pub enum Irradiance {
+pub enum SunStrength {
     /// Radiance's visible watts, for comparison with the paper; a disc of 0.5 degrees.
     Gensky,
     /// Broadband, Ineichen and Perez 2002 with a Linke turbidity of 3.
@@ -96,12 +96,12 @@ pub struct TimeSpec {
     /// Where the sun stands.
     pub sun: SunModel,
     /// How strong it is.
-    pub irradiance: Irradiance,
+    pub irradiance: SunStrength,
     /// The paper's Equation (1): half a year stands for the year.
     pub half_year: bool,
 }
 
-impl Irradiance {
+impl SunStrength {
     /// Checks that the numbers can be a sun's.
     pub(super) fn check(&self) -> Result<(), Error> {
         match self {
@@ -213,7 +213,7 @@ mod tests {
             days: DayRange { from: 0, to: 364, step: 7 },
             hours: range(&[4.0, 20.0, 0.25]),
             sun: SunModel::Spa,
-            irradiance: Irradiance::ClearSky,
+            irradiance: SunStrength::ClearSky,
             half_year: false,
             finer: finer.iter().map(range).collect(),
         }

@@ -131,6 +131,15 @@ impl Places {
         Mistake { place: Some(self.place(key)), message }
     }
 
+    /// A mistake about what stands at a place of the changed text.
+    pub(super) fn mistake_at(&self, span: &Range<usize>, key: &Key, what: &str) -> Mistake {
+        let mistake = self.mistake(key, what);
+        match self.assigned.is_empty() {
+            true => Mistake { place: Some(place_at(&self.text, span.start)), ..mistake },
+            false => mistake,
+        }
+    }
+
     /// An error of one mistake.
     pub fn wrong(&self, key: &Key, what: &str) -> Error {
         Mistakes { path: self.file.clone(), list: vec![self.mistake(key, what)] }.into()

@@ -55,8 +55,10 @@ pub(super) fn read(path: &Path, set: &[Assignment]) -> Result<Read, Error> {
         match missing(error.message()) {
             // A table without what it needs: all of it goes.
             Some(name) if struck.contains(&key.key(name)) => {}
-            Some(name) => mistakes.push(places.mistake(&key, &format!("`{name}` is missing"))),
-            None => mistakes.push(places.mistake(&key, &words(error.message()))),
+            Some(name) => {
+                mistakes.push(places.mistake_at(&span, &key, &format!("`{name}` is missing")))
+            }
+            None => mistakes.push(places.mistake_at(&span, &key, &words(error.message()))),
         }
         // What has to be there is stood in for, once.
         let stand_in = stand_in(error.message()).filter(|_| !struck.contains(&key));

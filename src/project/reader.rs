@@ -22,7 +22,7 @@ use super::read::Read;
 use super::resolve::MOMENTS;
 use super::tables::{DayEntry, FileTable, HorizonEntry, HoursTable, OriginEntry, Project, PvTable};
 use super::views::RECEIVERS;
-use super::words::{SkyModel, SunStrength, SunStrengthTable, WordOr};
+use super::words::{NamedStrength, SkyModel, StrengthTable, WordOr};
 use crate::base::{FaultKind, limits};
 use crate::site::{Files, Origin, PvArray, PvSpec, SceneFile, SceneSpec, Season};
 use crate::sky::{self, DayRange, FarHorizon, HourRange, Place, TimeSpec, Weather};
@@ -187,7 +187,7 @@ impl<'a> Reader<'a> {
                 sky::Error::Place { field, .. } => field,
                 _ => "latitude",
             };
-            self.wrong(&Key::of("site").key(field), wrong.to_string());
+            self.wrong(&Key::of("site").key(field), after_name(&wrong));
         }
         if let Some(zone) = &s.timezone
             && jiff::tz::TimeZone::get(zone).is_err()
@@ -235,7 +235,7 @@ impl<'a> Reader<'a> {
                 sky::Error::Irradiance { .. } => "time.irradiance",
                 _ => "time",
             };
-            self.wrong(&Key::of(key), wrong.to_string());
+            self.wrong(&Key::of(key), after_name(&wrong));
         }
         times
     }
@@ -243,20 +243,20 @@ impl<'a> Reader<'a> {
     fn irradiance(&self) -> sky::SunStrength {
         let key = Key::of("time.irradiance");
         let table = match &self.project.time.irradiance {
-            WordOr::Word(SunStrength::ClearSky) => return sky::SunStrength::ClearSky,
-            WordOr::Word(SunStrength::Gensky) => return sky::SunStrength::Gensky,
+            WordOr::Word(NamedStrength::ClearSky) => return sky::SunStrength::ClearSky,
+            WordOr::Word(NamedStrength::Gensky) => return sky::SunStrength::Gensky,
             WordOr::Table(table) => table,
         };
         match table {
-            SunStrengthTable { constant: Some(w_m2), epw: None, model: None, linke: None } => {
+            StrengthTable { constant: Some(w_m2), epw: None, model: None, linke: None } => {
                 sky::SunStrength::Constant(*w_m2)
             }
-            SunStrengthTable { constant: None, epw: Some(path), model: None, linke: None } => {
+            StrengthTable { constant: None, epw: Some(path), model: None, linke: None } => {
                 let weather = Weather::read(&self.beside(path));
                 let weather = self.checked(&key.key("epw"), weather, Error::Sky);
                 weather.map_or(sky::SunStrength::ClearSky, sky::SunStrength::Epw)
             }
-            SunStrengthTable {
+            StrengthTable {
                 constant: None,
                 epw: None,
                 model: Some(SkyModel::Ineichen),
@@ -280,7 +280,7 @@ impl<'a> Reader<'a> {
     /// Hash of the weather file.
     pub fn weather(&self) -> Option<String> {
         match &self.project.time.irradiance {
-            WordOr::Table(SunStrengthTable { epw: Some(path), .. }) => {
+            WordOr::Table(StrengthTable { epw: Some(path), .. }) => {
                 self.hash(&Key::of("time.irradiance.epw"), &self.beside(path))
             }
             _ => None,
@@ -404,6 +404,12 @@ impl<'a> Reader<'a> {
         };
         self.project.pv.iter().enumerate().filter_map(spec).collect()
     }
+}
+
+/// What an error of the sky says of a setting, without its name: the key has that.
+fn after_name(error: &sky::Error) -> String {
+    let text = error.to_string();
+    text.split_once(": ").map_or(text.clone(), |(_, rest)| rest.to_owned())
 }
 
 /// An error with all its causes.

@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 use super::view_tables::{
     MomentTable, ObserverTable, ReceiversTable, RegionTable, SeasonTable, ViewTable,
 };
-use super::words::{SunStrength, SunStrengthTable, Unit, Up, WordOr};
+use super::words::{NamedStrength, StrengthTable, Unit, Up, WordOr};
 use crate::base::Irradiance;
 use crate::glare::{self, Connectivity};
 use crate::site::{PvArray, Select};
@@ -247,7 +247,7 @@ pub struct TimeTable {
     /// Which formulas say where the sun stands.
     pub sun: SunModel,
     /// How strong it is.
-    pub irradiance: WordOr<SunStrength, SunStrengthTable>,
+    pub irradiance: WordOr<NamedStrength, StrengthTable>,
     /// Equation (1): half a year stands for the year.
     pub half_year: bool,
     /// Stretches of `hours` with finer steps.
@@ -262,7 +262,7 @@ impl Default for TimeTable {
             days: DaysTable { from: DayEntry::Number(0), to: DayEntry::Number(364), step: 7 },
             hours: HoursTable { from: 0.0, to: 23.75, step: 0.25 },
             sun: SunModel::Spa,
-            irradiance: WordOr::Word(SunStrength::ClearSky),
+            irradiance: WordOr::Word(NamedStrength::ClearSky),
             half_year: false,
             finer: Vec::new(),
         }

@@ -114,14 +114,14 @@ impl Up {
 /// A strength of the sun that has a name.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Read, Serialize)]
 #[serde(rename_all = "kebab-case")]
-pub enum SunStrength {
+pub enum NamedStrength {
     /// Broadband, a Linke turbidity of 3.
     ClearSky,
     /// Radiance's visible watts.
     Gensky,
 }
 
-impl SunStrength {
+impl NamedStrength {
     /// As in the project file.
     pub fn name(self) -> &'static str {
         match self {
@@ -142,7 +142,7 @@ pub enum SkyModel {
 /// `{ constant = 1000 }`, `{ epw = "site.epw" }`, `{ model = "ineichen", linke = [...] }`.
 #[derive(Clone, Debug, Default, Read, Serialize)]
 #[serde(deny_unknown_fields)]
-pub struct SunStrengthTable {
+pub struct StrengthTable {
     /// W/m2.
     pub constant: Option<f64>,
     /// A weather file.

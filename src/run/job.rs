@@ -11,12 +11,12 @@ use serde_json::Value;
 use super::clean::{lies_inside, remove};
 use super::error::Error;
 use super::log::Log;
-use super::stages::Judgement;
 use super::units::{HandedOn, Unit, units};
 use crate::base::{Finding, Progress, Provenance, Severity, Timeline};
 use crate::pages::CacheStats;
 use crate::project::{Folder, Manifest, Resolved, Shard};
 use crate::render::PvSight;
+use crate::report::Judgement;
 use crate::site::Site;
 
 /// The stages of a run, in their order.

@@ -318,7 +318,8 @@ fn project(at: &Path) {
     fs::write(at.join("other.txt"), "0 0 2 0 0 1\n").expect("writes");
     for (name, preset) in [("module.xml", "standard"), ("other.xml", "satinated")] {
         let path = at.join(name);
-        succeed(&["bsdf", preset, "--write", path.to_str().expect("a plain path"), "--quiet"]);
+        let path_text = path.to_str().expect("a plain path");
+        succeed(&["bsdf", preset, "--write", path_text, "--resolution", "3", "--quiet"]);
         // Its other side and the other light, which a preset doesn't have.
         let text = fs::read_to_string(&path).expect("reads");
         let (from, to) = ("\t<WavelengthData>\n", "</WavelengthData>\n");

@@ -238,10 +238,12 @@ fn too_few_photons_and_wrong_settings() {
     let fault = |g: Gather, weights: &[f64]| {
         annual(&store, None, &hits, weights, &g, &Silent).expect_err("refuses").to_string()
     };
-    assert!(fault(settings(1), &[1.0; 3]).contains("bandwidth is 1"));
+    let one = fault(settings(1), &[1.0; 3]);
+    assert!(one.starts_with("bandwidth: expected 2 to ") && one.ends_with("found 1"), "{one}");
     assert!(fault(settings(9), &[1.0; 4]).contains("3 timesteps"));
     let flat = Gather { max_radius_m: Some(0.0), ..settings(9) };
-    assert!(fault(flat, &[1.0; 3]).contains("max_radius_m is 0"));
+    let flat = fault(flat, &[1.0; 3]);
+    assert_eq!(flat, "max_radius_m: expected metres above 0, found 0");
     // No photons at all: all is exactly 0, also where the store has to find the radius.
     let empty = tempfile::tempdir().expect("a folder");
     let store = store_of(empty.path(), &[], 3);

@@ -114,6 +114,14 @@ pub enum Error {
         /// What is wrong.
         source: site::bsdf::Error,
     },
+    /// From the room `trace`, about a material or case.
+    #[error("photons of `{name}`")]
+    Photons {
+        /// The material's or case's name.
+        name: String,
+        /// What is wrong.
+        source: trace::Error,
+    },
     /// From the room `sky`.
     #[error(transparent)]
     Sky(#[from] sky::Error),
@@ -182,7 +190,7 @@ impl Error {
             Self::Interrupted(_) => FaultKind::Interrupted,
             Self::Site(e) => e.kind(),
             Self::Sky(e) => e.kind(),
-            Self::Trace(e) => e.kind(),
+            Self::Trace(e) | Self::Photons { source: e, .. } => e.kind(),
             Self::Pages(e) => e.kind(),
             Self::Render(e) => e.kind(),
             Self::Volume(e) => e.kind(),

@@ -10,8 +10,6 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 use std::{fs, io};
 
-use glam::DVec3;
-
 use super::error::Error;
 use super::manifest::hash_path;
 use super::project::{self, DayEntry, FileEntry, HorizonEntry, HoursTable, OriginEntry, Project};
@@ -82,9 +80,11 @@ impl Reader<'_> {
         }
         for o in &self.project.observer {
             let direction = o.direction.unwrap_or_default();
-            if let Some(found) = o.point.iter().chain(&direction).find(|v| !v.is_finite()) {
+            // Nobody stands farther off; squares of more would overflow.
+            let known = |v: &f64| v.abs() < 1e9;
+            if let Some(found) = o.point.iter().chain(&direction).find(|v| !known(v)) {
                 return Err(self.wrong(format!(
-                    "[[observer]] \"{}\": expected finite numbers of metres, found {found}",
+                    "[[observer]] \"{}\": expected numbers of metres below 1e9, found {found}",
                     o.name
                 )));
             }
@@ -242,7 +242,12 @@ impl Reader<'_> {
             return Err(self.wrong("scene.files: expected at least one file, found none"));
         }
         let origin = match &s.origin {
-            OriginEntry::At([x, y, z]) => Origin::At(DVec3::new(*x, *y, *z)),
+            OriginEntry::At(at) if at.iter().all(|v| v.abs() < 1e9) => Origin::At((*at).into()),
+            OriginEntry::At(at) => {
+                return Err(self.wrong(format!(
+                    "scene.origin: expected map coordinates below 1e9 m, found {at:?}"
+                )));
+            }
             OriginEntry::Word(word) if word == "auto" => Origin::Auto,
             OriginEntry::Word(word) => {
                 return Err(self.wrong(format!(

@@ -18,7 +18,7 @@ use crate::render::sensors::Sensor;
 use crate::render::{Gather, Quantity, View};
 use crate::site::bsdf::{Bsdf, Model, Side, Spectrum};
 use crate::site::{PvSpec, SceneSpec};
-use crate::sky::{self, FarHorizon, Place, TimeSpec};
+use crate::sky::{self, DayRange, FarHorizon, HourRange, Place, TimeSpec};
 use crate::trace;
 
 /// Below this many stored photons verdicts and pictures are marked as a draft.
@@ -192,7 +192,7 @@ impl Resolved {
         let candidates = r.candidates()?;
         let reference = r.reference(&candidates)?;
         let inputs = r.inputs(&folder)?;
-        Ok(Self {
+        let resolved = Self {
             place: r.place()?,
             times: r.times()?,
             horizon: r.horizon()?,
@@ -212,7 +212,12 @@ impl Resolved {
             folder: folder.clone(),
             file: file.clone(),
             project,
-        })
+        };
+        // Known now, not when all photons are traced.
+        for moment in &resolved.moments {
+            resolved.instant(moment)?;
+        }
+        Ok(resolved)
     }
 
     /// The pictures, then the sets of points.
@@ -316,6 +321,37 @@ impl Resolved {
         Ok(match &self.horizon {
             None => timeline,
             Some(horizon) => horizon.cut(timeline)?,
+        })
+    }
+
+    /// The timeline of a picture of luminances: its one instant.
+    ///
+    /// # Errors
+    /// [`Error::Project`], with the picture's name, where the sun stands below the horizon or the
+    /// weather holds nothing for it.
+    pub fn instant(&self, moment: &PlannedMoment) -> Result<Timeline, Error> {
+        let spec = TimeSpec {
+            days: DayRange { from: moment.day, to: moment.day, step: 1 },
+            hours: HourRange { from: moment.hour, to: moment.hour, step: 0.25 },
+            finer: Vec::new(),
+            half_year: false,
+            ..self.times.clone()
+        };
+        let timeline = sky::timeline(&self.place, &spec);
+        let timeline = match &self.horizon {
+            None => timeline,
+            Some(horizon) => timeline.and_then(|t| horizon.cut(t)),
+        };
+        timeline.map_err(|e| Error::Project {
+            path: self.file.clone(),
+            line: 0,
+            column: 0,
+            message: match e {
+                sky::Error::Night { .. } => {
+                    format!("[[moment]] \"{}\": the sun is below the horizon then", moment.name)
+                }
+                other => format!("[[moment]] \"{}\": {other}", moment.name),
+            },
         })
     }
 

@@ -202,9 +202,8 @@ impl TimeSpec {
         self.hours.check()?;
         let mut end = self.hours.from;
         for range in &self.finer {
-            range.check()?;
             let inside = range.from >= end - SLACK_H && range.to <= self.hours.to + SLACK_H;
-            if !inside || range.step >= self.hours.step {
+            if range.check().is_err() || !inside || range.step >= self.hours.step {
                 let HourRange { from, to, step } = *range;
                 return Err(Error::Finer { from, to, step, least: end, hours: self.hours });
             }
@@ -213,6 +212,9 @@ impl TimeSpec {
         self.irradiance.check()?;
         if self.half_year && self.days.to > 182 {
             return Err(Error::HalfYear { from: self.days.from, to: self.days.to });
+        }
+        if self.half_year && matches!(self.irradiance, Irradiance::Epw(_)) {
+            return Err(Error::HalfYearOfWeather);
         }
         Ok(())
     }

@@ -5,6 +5,7 @@ mod fused;
 mod house;
 mod maps;
 mod memory;
+mod mistakes;
 mod photons;
 mod resumed;
 mod shards;

@@ -3,6 +3,7 @@
 
 pub mod program;
 pub mod series;
+pub mod yard;
 
 use std::path::PathBuf;
 

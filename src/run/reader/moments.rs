@@ -22,6 +22,7 @@ impl Reader<'_> {
         for t in &self.project.moment {
             for moment in self.moment(t)? {
                 self.check_name("[[moment]]", &moment.name)?;
+                self.check_size(&format!("[[moment]] \"{}\": size", moment.name), moment.size)?;
                 if !names.insert(moment.name.clone()) {
                     let what = "the name is taken; give each a `name` of its own";
                     return Err(self.wrong(format!("[[moment]] \"{}\": {what}", moment.name)));

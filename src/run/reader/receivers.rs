@@ -73,10 +73,10 @@ impl Reader<'_> {
 
     fn sensor_file(&self, t: &ViewTable) -> Result<PlannedView, Error> {
         let wrong = |what: String| self.wrong(format!("[[view]] \"{}\": {what}", t.name));
-        if t.view.is_some() || t.view_file.is_some() || t.size.is_some() || t.fuse {
-            return Err(wrong(
-                "`sensors` stands alone, without `view`, `view_file`, `size` and `fuse`".into(),
-            ));
+        let picture = t.view.is_some() || t.view_file.is_some() || t.size.is_some();
+        if picture || t.fuse || t.both_quantities {
+            let what = "`sensors` stands alone, without `view`, `view_file`, `size`, `fuse` and `both_quantities`";
+            return Err(wrong(what.into()));
         }
         let map = self.map(&t.coordinates).map_err(wrong)?;
         let name = t.sensors.clone().unwrap_or_default();

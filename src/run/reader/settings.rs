@@ -108,18 +108,7 @@ impl Reader<'_> {
                 t.name
             )));
         };
-        let edge = 1..=limits::MAX_VIEW_EDGE;
-        if !edge.contains(&columns)
-            || !edge.contains(&rows)
-            || columns.saturating_mul(rows) > limits::MAX_VIEW_PIXELS
-        {
-            return Err(self.wrong(format!(
-                "view.{}.size: expected 1 to {} pixels along each edge and at most {} in all, found {columns} x {rows}",
-                t.name,
-                limits::MAX_VIEW_EDGE,
-                limits::MAX_VIEW_PIXELS
-            )));
-        }
+        self.check_size(&format!("view.{}.size", t.name), [columns, rows])?;
         if t.fuse && t.both_quantities {
             return Err(self.wrong(format!(
                 "view.{}: `fuse` keeps no series, so `both_quantities` has none to add; leave one out",
@@ -140,6 +129,22 @@ impl Reader<'_> {
             points: None,
             direct: t.estimator == "direct",
         })
+    }
+
+    /// Whether a picture has pixels, and no more than fit.
+    pub(super) fn check_size(&self, key: &str, [columns, rows]: [usize; 2]) -> Result<(), Error> {
+        let edge = 1..=limits::MAX_VIEW_EDGE;
+        if edge.contains(&columns)
+            && edge.contains(&rows)
+            && columns.saturating_mul(rows) <= limits::MAX_VIEW_PIXELS
+        {
+            return Ok(());
+        }
+        Err(self.wrong(format!(
+            "{key}: expected 1 to {} pixels along each edge and at most {} in all, found {columns} x {rows}",
+            limits::MAX_VIEW_EDGE,
+            limits::MAX_VIEW_PIXELS
+        )))
     }
 
     /// How a view's photons become irradiance.
@@ -271,9 +276,10 @@ impl Reader<'_> {
                 p.stored
             )));
         }
-        if !(p.max_path_m > 0.0 && p.max_path_m.is_finite()) {
+        if !(p.max_path_m > 0.0 && p.max_path_m <= limits::MAX_PATH_M) {
             return Err(self.wrong(format!(
-                "photons.max_path_m: expected metres above 0, found {}",
+                "photons.max_path_m: expected metres above 0 and at most {}, found {}",
+                limits::MAX_PATH_M,
                 p.max_path_m
             )));
         }
@@ -332,7 +338,7 @@ impl Reader<'_> {
                 g.sigma, g.truncate
             )));
         }
-        Ok(glare::Settings {
+        let settings = glare::Settings {
             threshold: 0.0,
             sigma: g.sigma,
             truncate: g.truncate,
@@ -340,7 +346,12 @@ impl Reader<'_> {
             allow_nonfinite: false,
             memory_bytes,
             ..glare::Settings::default()
-        })
+        };
+        for threshold in g.thresholds_w_m2.iter().copied().chain([0.0]) {
+            let one = glare::Settings { threshold, ..settings.clone() };
+            one.check().map_err(|e| self.wrong(format!("[glare]: {e}")))?;
+        }
+        Ok(settings)
     }
 }
 

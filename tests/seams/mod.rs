@@ -1,5 +1,6 @@
 //! Where rooms meet: same bytes whatever the threads, and the rules of the house.
 
+mod combinations;
 mod determinism;
 mod fused;
 mod house;
@@ -7,5 +8,6 @@ mod maps;
 mod memory;
 mod mistakes;
 mod photons;
+mod products;
 mod resumed;
 mod shards;

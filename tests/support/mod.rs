@@ -1,6 +1,7 @@
 #![allow(dead_code)]
 //! What tests share: where real data and Python lie, and how a test says that it was skipped.
 
+pub mod outputs;
 pub mod program;
 pub mod series;
 pub mod yard;

@@ -3,6 +3,8 @@
 
 /// Triangles in a scene.
 pub const MAX_TRIANGLES: usize = 32_000_000;
+/// Longest flight of light from the PV, m: beyond, single precision loses the receivers.
+pub const MAX_PATH_M: f64 = 1e6;
 /// Vertices of one polygon with its holes: cutting it up takes time with their square at worst.
 pub const MAX_POLYGON_VERTICES: usize = 20_000;
 /// PV surfaces: a photon carries the surface's number as u16.

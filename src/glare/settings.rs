@@ -97,6 +97,15 @@ impl Default for Settings {
 }
 
 impl Settings {
+    /// Whether an analysis can be made with these settings.
+    ///
+    /// # Errors
+    /// The threshold, `truncate`, or a sigma that doesn't fit.
+    pub fn check(&self) -> Result<(), Error> {
+        self.threshold_f32()?;
+        self.gaussian().map(drop)
+    }
+
     /// The threshold as it is compared.
     pub(super) fn threshold_f32(&self) -> Result<f32, Error> {
         comparable(self.threshold)

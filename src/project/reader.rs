@@ -146,10 +146,14 @@ impl<'a> Reader<'a> {
         }
         for (i, o) in self.project.observer.iter().enumerate() {
             for (key, numbers) in [("point", Some(o.point)), ("direction", o.direction)] {
-                let found = numbers.into_iter().flatten().find(|v| !v.is_finite());
+                // Nobody stands farther off; squares of more would overflow.
+                let found = numbers.into_iter().flatten().find(|v| !is_near(*v));
                 if let Some(found) = found {
                     let key = Key::item("observer", i).key(key);
-                    self.wrong(&key, format!("expected finite numbers of metres, found {found}"));
+                    self.wrong(
+                        &key,
+                        format!("expected numbers of metres below 1e9, found {found}"),
+                    );
                 }
             }
         }
@@ -231,7 +235,7 @@ impl<'a> Reader<'a> {
                 sky::Error::DaysOutside { .. } => "time.days",
                 sky::Error::HourStep(_) | sky::Error::HoursOutside { .. } => "time.hours",
                 sky::Error::Finer { .. } => "time.finer",
-                sky::Error::HalfYear { .. } => "time.half_year",
+                sky::Error::HalfYear { .. } | sky::Error::HalfYearOfWeather => "time.half_year",
                 sky::Error::Irradiance { .. } => "time.irradiance",
                 _ => "time",
             };
@@ -297,6 +301,12 @@ impl<'a> Reader<'a> {
         }
         if s.files.is_empty() {
             self.wrong(&key.key("files"), "expected at least one file, found none");
+        }
+        if let OriginEntry::At(at) = &s.origin
+            && !at.iter().all(|v| is_near(*v))
+        {
+            let what = format!("expected map coordinates below 1e9 m, found {at:?}");
+            self.wrong(&key.key("origin"), what);
         }
         let file = |entry: &super::tables::FileEntry| match entry {
             WordOr::Word(path) => SceneFile::new(self.beside(path)),
@@ -404,6 +414,11 @@ impl<'a> Reader<'a> {
         };
         self.project.pv.iter().enumerate().filter_map(spec).collect()
     }
+}
+
+/// Whether a coordinate in metres is a place on Earth; not one of TOML's `nan` and `inf`, either.
+fn is_near(v: f64) -> bool {
+    v.abs() < 1e9
 }
 
 /// What an error of the sky says of a setting, without its name: the key has that.

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use serde::Serialize;
 
 use super::error::Error;
-use super::places::{Key, Mistakes, Places};
+use super::places::{Key, Mistake, Mistakes, Places};
 use super::read::read;
 use super::reader::Reader;
 use super::set::Assignment;
@@ -17,7 +17,7 @@ use crate::bsdf::{Bsdf, Model, Side, Spectrum};
 use crate::glare;
 use crate::rules::Profile;
 use crate::site::{PvSpec, SceneSpec};
-use crate::sky::{self, FarHorizon, Place, TimeSpec};
+use crate::sky::{self, DayRange, FarHorizon, HourRange, Place, TimeSpec};
 use crate::trace;
 
 /// Below this many stored photons verdicts and pictures are marked as a draft.
@@ -173,6 +173,7 @@ impl Resolved {
             project: read.project.clone(),
         };
         r.finish()?;
+        plan.check_moments()?;
         Ok(plan)
     }
 
@@ -256,6 +257,49 @@ impl Resolved {
             add("weather".to_owned(), hash);
         }
         inputs
+    }
+
+    /// The sun at the instant of a picture of luminances, as a timeline of one timestep.
+    ///
+    /// # Errors
+    /// Its mistake, where the sun stands below the horizon or the weather holds nothing for it.
+    pub fn instant(&self, moment: &PlannedMoment) -> Result<Timeline, Error> {
+        self.sun_of(moment).map_err(|mistake| self.mistakes(vec![mistake]))
+    }
+
+    fn sun_of(&self, moment: &PlannedMoment) -> Result<Timeline, Mistake> {
+        let spec = TimeSpec {
+            days: DayRange { from: moment.day, to: moment.day, step: 1 },
+            hours: HourRange { from: moment.hour, to: moment.hour, step: 0.25 },
+            finer: Vec::new(),
+            half_year: false,
+            ..self.times.clone()
+        };
+        let timeline = sky::timeline(&self.place, &spec);
+        let timeline = match &self.horizon {
+            None => timeline,
+            Some(horizon) => timeline.and_then(|t| horizon.cut(t)),
+        };
+        timeline.map_err(|e| {
+            let what = match e {
+                sky::Error::Night { .. } => "the sun is below the horizon then".to_owned(),
+                other => other.to_string(),
+            };
+            self.places.mistake(&Key::item("moment", moment.table), &what)
+        })
+    }
+
+    /// Whether each picture of luminances has a sun: known now, not when all photons are traced.
+    fn check_moments(&self) -> Result<(), Error> {
+        let mut list: Vec<Mistake> =
+            self.moments.iter().filter_map(|moment| self.sun_of(moment).err()).collect();
+        // An observer's two pictures share their instant.
+        list.dedup();
+        if list.is_empty() { Ok(()) } else { Err(self.mistakes(list)) }
+    }
+
+    fn mistakes(&self, list: Vec<Mistake>) -> Error {
+        Mistakes { path: self.places.file.clone(), list }.into()
     }
 
     /// The timesteps: the suns above the horizon, the far one as well.

@@ -11,12 +11,15 @@ use crate::project::{Folder, Key, ObserverTable, PlannedView, RegionTable, Resol
 use crate::render::samples::{Sample, sample_objects, sample_polygon};
 use crate::render::sensors::{Footing, Sensor, place};
 use crate::render::{HitMap, PvInView, View};
-use crate::site::{Coordinates, Site, local_from_map};
+use crate::site::{Coordinates, Site, Triangle, local_from_map};
 
 /// Distance between the points of a region where it says nothing, m.
 const SPACING_M: f64 = 1.0;
 /// Points of a region; a larger one gets a wider lattice.
 const MAX_REGION_POINTS: usize = 2500;
+/// Cells of a lattice over a region: the spacing of one that would have more is widened before any
+/// point is looked up, or a corner typed in millimetres would be waited for.
+const MAX_REGION_CELLS: f64 = 4e6;
 
 /// What a group of points is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -178,15 +181,28 @@ impl Spreader<'_> {
         points
     }
 
-    /// Checks that every object that a region names is there.
+    /// Checks that every object that a region names is there, and that regions have points; those
+    /// that are drawn into a picture have theirs once that is seen.
     ///
     /// # Errors
-    /// [`Error::Project`] with the nearest names.
+    /// Objects that aren't there, with the nearest names; regions without a point.
     pub fn check(&self) -> Result<(), Error> {
-        for region in &self.resolved.project.region {
-            self.objects(region)?;
+        let nothing = |_: &PlannedView| Ok(HitMap { columns: 0, rows: 0, hits: Vec::new() });
+        for region in self.resolved.project.region.iter().filter(|r| r.view.is_none()) {
+            let (samples, _) = self.region(region, &nothing, MAX_REGION_POINTS)?;
+            self.some(region, &samples)?;
         }
         Ok(())
+    }
+
+    /// Whether a region has a point.
+    fn some(&self, region: &RegionTable, samples: &[Sample]) -> Result<(), Error> {
+        if !samples.is_empty() {
+            return Ok(());
+        }
+        let what =
+            "not one point of it lies on the scene outside of the PV; check its polygon or object";
+        Err(self.wrong(&region.name, what))
     }
 
     /// All observers and regions. `hits` reads the hits of a picture.
@@ -204,12 +220,7 @@ impl Spreader<'_> {
         }
         for region in &self.resolved.project.region {
             let (samples, notes) = self.region(region, hits, MAX_REGION_POINTS)?;
-            if samples.is_empty() {
-                return Err(self.wrong(
-                    &region.name,
-                    "not one point of it lies on the scene; check its polygon or object",
-                ));
-            }
+            self.some(region, &samples)?;
             points.push(&region.name, Kind::Region, &samples, notes);
         }
         if points.sensors.len() > limits::MAX_VIEW_EDGE {
@@ -278,7 +289,8 @@ impl Spreader<'_> {
         }
         let asked_m = region.spacing_m.unwrap_or(SPACING_M);
         let objects = self.objects(region)?;
-        let mut spacing_m = asked_m;
+        let extent_m2 = self.extent_m2(region, &objects);
+        let mut spacing_m = asked_m.max((extent_m2 / MAX_REGION_CELLS).sqrt());
         let (mut samples, mut missing) = self.lattice(region, &objects, spacing_m);
         while samples.len() > most {
             spacing_m *= (samples.len() as f64 / most as f64).sqrt() * 1.02;
@@ -305,6 +317,22 @@ impl Spreader<'_> {
             [p.x, p.y]
         };
         Some(region.polygon.as_ref()?.iter().map(local).collect())
+    }
+
+    /// The area over which the lattice of a region lies.
+    fn extent_m2(&self, region: &RegionTable, objects: &[u32]) -> f64 {
+        let Some(corners) = self.plan(region) else {
+            let of = |t: &&Triangle| {
+                objects.binary_search(&self.site.faces[t.face as usize].object).is_ok()
+            };
+            let faces = self.site.triangles.iter().filter(of);
+            return faces.map(|t| f64::from(t.area_m2())).sum();
+        };
+        let across = |axis: usize| {
+            let all = || corners.iter().map(|c| c[axis]);
+            all().fold(f64::NEG_INFINITY, f64::max) - all().fold(f64::INFINITY, f64::min)
+        };
+        across(0) * across(1)
     }
 
     fn lattice(&self, r: &RegionTable, objects: &[u32], spacing_m: f64) -> (Vec<Sample>, usize) {

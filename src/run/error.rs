@@ -85,6 +85,14 @@ pub enum Error {
     /// From the room `site`.
     #[error(transparent)]
     Site(#[from] site::Error),
+    /// From the room `trace`, about a material or case.
+    #[error("photons of `{name}`")]
+    Photons {
+        /// The material's or case's name.
+        name: String,
+        /// What is wrong.
+        source: trace::Error,
+    },
     /// From the room `sky`.
     #[error(transparent)]
     Sky(#[from] sky::Error),
@@ -130,7 +138,7 @@ impl Error {
             Self::Report(e) => e.kind(),
             Self::Site(e) => e.kind(),
             Self::Sky(e) => e.kind(),
-            Self::Trace(e) => e.kind(),
+            Self::Trace(e) | Self::Photons { source: e, .. } => e.kind(),
             Self::Pages(e) => e.kind(),
             Self::Render(e) => e.kind(),
             Self::Gather(e) => e.kind(),

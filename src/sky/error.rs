@@ -97,6 +97,11 @@ pub enum Error {
         /// Last day given.
         to: u32,
     },
+    /// Equation (1) with measured weather.
+    #[error(
+        "half_year: Equation (1) lets spring stand for autumn, whose weather is another; leave half_year out, and compute the whole year"
+    )]
+    HalfYearOfWeather,
     /// More instants than the program computes.
     #[error("days and hours: expected at most {most} instants, found {found}; take larger steps")]
     TooMany {

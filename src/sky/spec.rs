@@ -177,15 +177,17 @@ impl TimeSpec {
         if self.half_year && self.days.to > 182 {
             add(Err(Error::HalfYear { from: self.days.from, to: self.days.to }));
         }
+        if self.half_year && matches!(self.irradiance, SunStrength::Epw(_)) {
+            add(Err(Error::HalfYearOfWeather));
+        }
         out
     }
 
     fn check_finer(&self) -> Result<(), Error> {
         let mut end = self.hours.from;
         for range in &self.finer {
-            range.check()?;
             let inside = range.from >= end - SLACK_H && range.to <= self.hours.to + SLACK_H;
-            if !inside || range.step >= self.hours.step {
+            if range.check().is_err() || !inside || range.step >= self.hours.step {
                 let HourRange { from, to, step } = *range;
                 let HourRange { from: first, to: last, step: usual } = self.hours;
                 let hours = format!("{first} to {last}, step {usual}");

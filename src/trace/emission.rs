@@ -64,7 +64,7 @@ impl Emission<'_> {
         if stored == 0 || stored > limits::MAX_PHOTONS {
             return setting("photons.stored", "from 1 to 2^40", stored.to_string());
         }
-        if !(max_path_m > 0.0 && max_path_m <= 1e6) {
+        if !(max_path_m > 0.0 && max_path_m <= limits::MAX_PATH_M) {
             return setting(
                 "photons.max_path_m",
                 "above 0 and at most 1,000,000",

@@ -37,11 +37,29 @@ fn values_out_of_range_say_what_was_expected() {
         ("-vtl", "-vtq", "-vt"),
         ("{ modifier = \"pv\" }", "{ modifier = \"pv\", min_tilt_deg = nan }", "select"),
         ("point = [-14.0", "point = [nan", "[[observer]]"),
+        // Not after an hour of photons.
+        (
+            "[glare]",
+            "[[moment]]\ndate = 0\ntime = \"01:30\"\nview = \"plan\"\n[glare]",
+            "[[moment]]",
+        ),
     ] {
         let said = broken(from, to);
         assert_eq!(said.code, 2, "{from} -> {to}: {}", said.err);
         assert!(said.err.contains(word), "{from} -> {to}: {}", said.err);
     }
+}
+
+/// Of several materials the one that leaves nothing to trace is named.
+#[test]
+fn a_material_that_reflects_nothing_is_named() {
+    let (_keep, folder) = project("tiny");
+    let path = folder.to_str().expect("a plain path");
+    let black = "material.tile.model={ kind = \"lambertian\", reflectance = 0.0 }";
+    let said = say(&["run", path, "--quiet", "--set", black]);
+    assert_eq!(said.code, 2, "{}", said.err);
+    assert!(said.err.contains("photons of `tile`"), "{}", said.err);
+    assert!(said.err.contains("reflects nothing"), "{}", said.err);
 }
 
 #[test]

@@ -54,6 +54,21 @@ fn records_shorter_than_an_hour_hold_their_own_quarter() {
     assert_eq!(seen, [10.0, 20.0, 30.0, 40.0]);
 }
 
+/// Equation (1) doubles spring; the file knows autumn.
+#[test]
+fn half_a_year_of_weather_is_no_year() {
+    let weather = epw(
+        "DATA PERIODS,1,1,Data,Sunday,6/1,6/1",
+        (1..=24).map(|hour| row(6, 1, hour, 60, 500.0)),
+    );
+    let hours = HourRange { from: 12.0, to: 13.0, step: 0.5 };
+    let mut spec = days(2025, 151, 151, hours, weather);
+    assert!(timeline(&HERE, &spec).is_ok());
+    spec.half_year = true;
+    let error = timeline(&HERE, &spec).expect_err("refused").to_string();
+    assert!(error.starts_with("half_year:"), "{error}");
+}
+
 #[test]
 fn leap_days_are_taken_from_the_file_or_from_the_day_before() {
     let head = "DATA PERIODS,1,1,Data,Sunday,2/28,3/1";

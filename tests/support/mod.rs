@@ -4,9 +4,11 @@
 #[path = "../../tools/src/compare/mod.rs"]
 pub mod compare;
 pub mod golden;
+pub mod outputs;
 pub mod photons;
 pub mod program;
 pub mod series;
+pub mod yard;
 
 use std::path::PathBuf;
 use std::time::Duration;

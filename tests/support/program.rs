@@ -4,7 +4,10 @@ use std::collections::BTreeMap;
 use std::fs;
 use std::os::unix::process::ExitStatusExt;
 use std::path::{Path, PathBuf};
-use std::process::{Command, Output};
+use std::process::{Command, Output, Stdio};
+use std::sync::mpsc;
+use std::thread;
+use std::time::Duration;
 
 /// The project's root.
 pub fn root() -> PathBuf {
@@ -38,6 +41,27 @@ impl From<Output> for Said {
 /// Runs the program to its end.
 pub fn say<S: AsRef<std::ffi::OsStr>>(arguments: &[S]) -> Said {
     glintmap(arguments).output().expect("the program starts").into()
+}
+
+/// A project of these few pixels and suns takes seconds; one that takes longer hangs, however busy
+/// the machine is.
+const LONGEST: Duration = Duration::from_secs(1200);
+
+/// Runs the program, at most for [`LONGEST`].
+pub fn within(arguments: &[&str]) -> Said {
+    let mut command = glintmap(arguments);
+    command.env("RUST_BACKTRACE", "0").stdout(Stdio::piped()).stderr(Stdio::piped());
+    let child = command.spawn().expect("the program starts");
+    let id = child.id();
+    let (done, finished) = mpsc::channel();
+    thread::spawn(move || done.send(child.wait_with_output()));
+    match finished.recv_timeout(LONGEST) {
+        Ok(output) => output.expect("the program ends").into(),
+        Err(_) => {
+            let _ = Command::new("kill").arg(id.to_string()).status();
+            panic!("{arguments:?} has not ended after {LONGEST:?}")
+        }
+    }
 }
 
 /// Runs the program and expects it to succeed.

@@ -52,6 +52,10 @@ impl Reader<'_> {
             self.wrong(&key.key("time"), what);
             return None;
         };
+        let size_key = key.key("size");
+        if let Some(size) = t.size {
+            self.check_size(&size_key, size)?;
+        }
         let (month, date) = sky::date_of_day(year, day);
         let named = |of: &str| {
             t.name.clone().unwrap_or_else(|| {
@@ -77,7 +81,7 @@ impl Reader<'_> {
                 let Picture { options, size, view: camera } =
                     views.iter().find(|v| v.name == *view)?.picture()?;
                 let size = t.size.unwrap_or(*size);
-                self.said(&key.key("size"), camera.resized(size[0], size[1]))?;
+                self.said(&size_key, camera.resized(size[0], size[1]))?;
                 Some(vec![planned(named(view), Camera::Options(options.clone()), size)])
             }
             (None, Some(observer)) => {
@@ -95,6 +99,7 @@ impl Reader<'_> {
                 let camera = |fisheye| Camera::Observer { number, fisheye };
                 let fisheye = format!("{name}-fisheye");
                 let edge = t.size.map_or(FISHEYE, |[columns, rows]| [columns.max(rows); 2]);
+                self.check_size(&size_key, edge)?;
                 Some(vec![
                     planned(name, camera(false), t.size.unwrap_or(ALONG)),
                     planned(fisheye, camera(true), edge),

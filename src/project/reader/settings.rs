@@ -121,15 +121,7 @@ impl Reader<'_> {
             self.wrong(key, "expected `size = [columns, rows]`, found none");
             return None;
         };
-        let edge = 1..=limits::MAX_VIEW_EDGE;
-        if !edge.contains(&columns)
-            || !edge.contains(&rows)
-            || columns.saturating_mul(rows) > limits::MAX_VIEW_PIXELS
-        {
-            let (edge, all) = (limits::MAX_VIEW_EDGE, limits::MAX_VIEW_PIXELS);
-            self.wrong(&key.key("size"), format!("expected 1 to {edge} pixels along each edge and at most {all} in all, found {columns} x {rows}"));
-            return None;
-        }
+        self.check_size(&key.key("size"), [columns, rows])?;
         let (options, view) = self.camera(t, key, [columns, rows])?;
         Some(PlannedView {
             name: t.name.clone(),
@@ -142,6 +134,18 @@ impl Reader<'_> {
             },
             mantissa_bits,
         })
+    }
+
+    /// Whether a picture has pixels, and no more than fit; else `None`, after its mistake was noted.
+    pub(super) fn check_size(&self, key: &Key, [columns, rows]: [usize; 2]) -> Option<()> {
+        let (most, all) = (limits::MAX_VIEW_EDGE, limits::MAX_VIEW_PIXELS);
+        let edge = 1..=most;
+        let fits =
+            edge.contains(&columns) && edge.contains(&rows) && columns.saturating_mul(rows) <= all;
+        if !fits {
+            self.wrong(key, format!("expected 1 to {most} pixels along each edge and at most {all} in all, found {columns} x {rows}"));
+        }
+        fits.then_some(())
     }
 
     /// A view and its options: as written, or of a view file or a picture.
@@ -297,8 +301,9 @@ impl Reader<'_> {
             let what = format!("expected 1 to {}, found {stored}", limits::MAX_PHOTONS);
             self.wrong(&key.key("stored"), what);
         }
-        if !(max_path_m > 0.0 && max_path_m.is_finite()) {
-            let what = format!("expected metres above 0, found {max_path_m}");
+        if !(max_path_m > 0.0 && max_path_m <= limits::MAX_PATH_M) {
+            let most = limits::MAX_PATH_M;
+            let what = format!("expected metres above 0 and at most {most}, found {max_path_m}");
             self.wrong(&key.key("max_path_m"), what);
         }
         trace::Settings { stored, max_path_m, seed, sun_visibility, receivers }
@@ -311,21 +316,24 @@ impl Reader<'_> {
         let key = Key::of("glare");
         let mut seen = Vec::new();
         for &t in thresholds_w_m2 {
-            if !(t >= 0.0 && t.is_finite()) || seen.contains(&t) {
+            // They are compared in single precision.
+            if !(t >= 0.0 && (t as f32).is_finite()) || seen.contains(&t) {
                 let what = format!("expected different finite numbers from 0, found {t}");
                 self.wrong(&key.key("thresholds_w_m2"), what);
             }
             seen.push(t);
         }
-        if sigma.iter().any(|s| !(0.0..=1000.0).contains(s)) {
+        let within = sigma.iter().all(|s| (0.0..=1000.0).contains(s));
+        if !within {
             let what = format!("expected numbers from 0 to 1000, found {sigma:?}");
             self.wrong(&key.key("sigma"), what);
         }
-        if truncate.is_nan() || *truncate < 0.0 {
+        let ends = *truncate >= 0.0 && truncate.is_finite();
+        if !ends {
             let what = format!("expected a number from 0, found {truncate}");
             self.wrong(&key.key("truncate"), what);
         }
-        glare::Settings {
+        let settings = glare::Settings {
             threshold: 0.0,
             sigma: *sigma,
             truncate: *truncate,
@@ -333,7 +341,12 @@ impl Reader<'_> {
             allow_nonfinite: false,
             memory_bytes,
             ..glare::Settings::default()
+        };
+        if within && ends {
+            // Each may do, and both together reach too far.
+            self.said(&key.key("truncate"), settings.check());
         }
+        settings
     }
 }
 

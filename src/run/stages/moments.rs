@@ -6,10 +6,10 @@ use std::path::PathBuf;
 use glam::DVec3;
 use serde_json::{Value, json};
 
-use crate::base::{Grid, Provenance, Timestep};
+use crate::base::{Grid, Provenance};
 use crate::picture::{Figure, Scale, exr, hdr, luminance, png, tonemap};
 use crate::project::artifacts::MomentFile;
-use crate::project::{Camera, Candidate, Key, PlannedMoment};
+use crate::project::{Camera, Candidate, PlannedMoment};
 use crate::receivers::clock::Clock;
 use crate::receivers::eyes::azimuth_altitude_deg;
 use crate::receivers::points::Spreader;
@@ -18,7 +18,7 @@ use crate::render::moment::{Moment, WATT_LM, illuminance_lx};
 use crate::render::{Projection, View};
 use crate::run::error::Error;
 use crate::run::job::{Job, Made};
-use crate::sky::{self, DayRange, HourRange, TimeSpec};
+use crate::sky;
 
 /// Upper end of the falsecolours, cd/m2: one scale for all materials and moments.
 const BRIGHTEST_CD_M2: f64 = 1e6;
@@ -76,26 +76,6 @@ fn month(job: &Job<'_>, moment: &PlannedMoment) -> usize {
     sky::date_of_day(job.resolved.times.year, moment.day).0.saturating_sub(1) as usize
 }
 
-/// The sun at the instant, as a timeline of one timestep has it.
-fn instant(job: &Job<'_>, moment: &PlannedMoment) -> Result<(Timestep, f64, f64), Error> {
-    let resolved = job.resolved;
-    let spec = TimeSpec {
-        days: DayRange { from: moment.day, to: moment.day, step: 1 },
-        hours: HourRange { from: moment.hour, to: moment.hour, step: 0.25 },
-        finer: Vec::new(),
-        half_year: false,
-        ..resolved.times.clone()
-    };
-    let mut timeline = sky::timeline(&resolved.place, &spec)?;
-    if let Some(horizon) = &resolved.horizon {
-        timeline = horizon.cut(timeline)?;
-    }
-    let step = timeline.steps.first().copied().ok_or_else(|| {
-        resolved.mistake(&Key::item("moment", moment.table), "the sun is below the horizon then")
-    })?;
-    Ok((step, timeline.sun_diameter_deg, timeline.basis.lm_per_w()))
-}
-
 fn take(
     job: &Job<'_>,
     moment: &PlannedMoment,
@@ -103,7 +83,10 @@ fn take(
     key: &str,
 ) -> Result<Vec<PathBuf>, Error> {
     let view = camera(job, moment)?;
-    let (step, diameter_deg, lm_per_w) = instant(job, moment)?;
+    let timeline = job.resolved.instant(moment)?;
+    // Its one instant: without any there is no timeline.
+    let step = timeline.steps[0];
+    let (diameter_deg, lm_per_w) = (timeline.sun_diameter_deg, timeline.basis.lm_per_w());
     let sun = SunAt { direction: step.sun, irradiance_w_m2: step.irradiance_w_m2, diameter_deg };
     let site = job.site()?;
     let materials = EyeMaterial::by_surface(&candidate.bsdfs, site);

@@ -152,7 +152,10 @@ fn land(
         bounds: site.bounds,
         expected: resolved.trace.stored / shard.map_or(1, |s| u64::from(s.of)),
     };
-    fill(job, &Tracer::new(&emission)?, &filling)
+    let name = || candidate.name.clone();
+    let tracer = Tracer::new(&emission);
+    let tracer = tracer.map_err(|source| Error::Photons { name: name(), source })?;
+    fill(job, &tracer, &filling)
 }
 
 /// What a spill is filled for.
@@ -191,7 +194,8 @@ pub(super) fn fill(
         None => {
             let new = Spill::create(spill, bounds, expected, memory)?;
             job.progress.say(&format!("{name}: pilot"));
-            let plan = tracer.plan(job.progress)?;
+            let plan = tracer.plan(job.progress);
+            let plan = plan.map_err(|source| Error::Photons { name: name.to_owned(), source })?;
             let done = Done { key: key.to_owned(), shard, plan, units: Vec::new() };
             Keeper { spill: new, done, sealed: None }
         }

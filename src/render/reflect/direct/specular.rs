@@ -75,15 +75,7 @@ impl Specular<'_> {
     fn free(&self, sun: &Frame, corners: &[DVec3; 3], image: DVec3, month: usize) -> (f64, bool) {
         let before_m = self.facet.before_m(self.receiver.position);
         let edges = [0, 1, 2].map(|i| corners[i].cross(corners[(i + 1) % 3]));
-        let (mut inside, mut free) = (0.0, 0.0);
-        let (mut least, mut most) = (1.0_f64, 0.0_f64);
-        for [u, v, w] in self.points.iter().map(|p| p.at.map(f64::from)) {
-            let at = sun.x * u + sun.y * v + sun.z * w;
-            let cos = self.facet.frame.z.dot(at);
-            if cos <= 0.0 || edges.iter().any(|e| e.dot(at) < 0.0) {
-                continue;
-            }
-            inside += 1.0;
+        let asked = |at: DVec3, cos: f64| {
             let start = self.facet.lifted(image + at * (before_m / cos));
             let way = self.receiver.ray_end - start;
             let length = way.length();
@@ -95,10 +87,47 @@ impl Specular<'_> {
             if self.sun_visibility && share > 0.0 {
                 share *= passes(at, f64::INFINITY);
             }
+            share
+        };
+        let (mut inside, mut free) = (0.0, 0.0);
+        let (mut least, mut most) = (1.0_f64, 0.0_f64);
+        for [u, v, w] in self.points.iter().map(|p| p.at.map(f64::from)) {
+            let at = sun.x * u + sun.y * v + sun.z * w;
+            let cos = self.facet.frame.z.dot(at);
+            if cos <= 0.0 || edges.iter().any(|e| e.dot(at) < 0.0) {
+                continue;
+            }
+            inside += 1.0;
+            let share = asked(at, cos);
             free += share;
             (least, most) = (least.min(share), most.max(share));
         }
-        // A sliver of the disc between its points: taken as free.
-        if inside > 0.0 { (free / inside, least < most) } else { (1.0, false) }
+        if inside > 0.0 {
+            return (free / inside, least < most);
+        }
+        // A sliver of the disc between its points: what is closest to its middle tells for it.
+        let at = closest(corners, &edges, sun.z);
+        let cos = self.facet.frame.z.dot(at);
+        (if cos > 0.0 { asked(at, cos) } else { 0.0 }, false)
     }
+}
+
+/// The direction on the border of a triangle of directions that is closest to `middle`; `edges` are
+/// the normals of the planes through its edges.
+fn closest(corners: &[DVec3; 3], edges: &[DVec3; 3], middle: DVec3) -> DVec3 {
+    let mut best = corners[0].normalize();
+    let mut look = |at: DVec3| {
+        if at.dot(middle) > best.dot(middle) {
+            best = at;
+        }
+    };
+    for (i, edge) in edges.iter().enumerate() {
+        let (a, b) = (corners[i], corners[(i + 1) % 3]);
+        look(a.normalize());
+        let on = middle - *edge * (edge.dot(middle) / edge.length_squared());
+        if a.cross(on).dot(*edge) >= 0.0 && on.cross(b).dot(*edge) >= 0.0 {
+            look(on.normalize());
+        }
+    }
+    best
 }

@@ -140,6 +140,30 @@ fn a_mirror_shows_the_part_of_the_disc_that_falls_into_it() {
     }
 }
 
+/// However little of the sun's disc stands in the mirror: behind a screen nothing arrives.
+#[test]
+fn slivers_of_the_disc_are_hidden_as_the_rest_is() {
+    let screen = flat(50.0).map(|c| c + DVec3::Z * 10.0);
+    let at = DVec3::Z * 20.0;
+    let (edge, radius) = (libm::atan(2.0 / 20.0), 0.5 * 0.533_f64.to_radians());
+    let suns: Vec<DVec3> = (0..200)
+        .map(|i| {
+            let a = edge + (1.0 - libm::pow(10.0, -4.0 * f64::from(i) / 200.0)) * radius;
+            DVec3::new(libm::sin(a), 0.1 * libm::sin(a), libm::cos(a))
+        })
+        .collect();
+    let bsdf = model(&Model::Mirror { reflectance: 1.0 });
+    let of = |quads: &[[DVec3; 4]]| {
+        let timeline = timeline(&suns, 0.533);
+        year(&site(quads), &timeline, &bsdf, at, DVec3::NEG_Z).surface_w_m2
+    };
+    let (open, hidden) = (of(&[flat(2.0)]), of(&[flat(2.0), screen]));
+    let faintest = open.iter().copied().filter(|w| *w > 0.0).fold(f64::INFINITY, f64::min);
+    println!("down to {faintest} W/m2");
+    assert!(faintest < 1e-3 * STRENGTH);
+    assert!(hidden.iter().all(|w| *w == 0.0), "{hidden:?}");
+}
+
 /// The slow twin: midpoints of a fine grid, and of the disc where there is one.
 fn brute(bsdf: &Bsdf, half_m: f64, n: usize, at: DVec3, normal: DVec3, suns: &[DVec3]) -> f64 {
     let step = 2.0 * half_m / n as f64;

@@ -1,3 +1,5 @@
+//! Pictures as numbers, and the tiles that they are cut into.
+
 /// A picture's worth of numbers: row-major, row 0 at the top.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Grid<T> {
@@ -10,6 +12,13 @@ impl<T: Clone> Grid<T> {
     /// A grid where every cell holds `value`.
     pub fn filled(columns: usize, rows: usize, value: T) -> Self {
         Self { columns, rows, data: vec![value; columns * rows] }
+    }
+}
+
+impl Grid<f32> {
+    /// The largest value; 0 where none is larger.
+    pub fn largest(&self) -> f32 {
+        self.data.iter().copied().fold(0.0, f32::max)
     }
 }
 
@@ -144,4 +153,30 @@ impl Tiles {
 pub fn tiles(columns: usize, rows: usize, edge: usize) -> Vec<TileRect> {
     let tiles = Tiles { columns, rows, edge };
     (0..tiles.count()).map(|number| tiles.rect(number)).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn tiles_cover_a_view_once_and_know_their_numbers() {
+        for (columns, rows) in [(1, 1), (32, 32), (33, 65), (100, 7), (0, 5)] {
+            let tiles = Tiles { columns, rows, edge: 32 };
+            let mut met = vec![0; columns * rows];
+            for number in 0..tiles.count() {
+                let tile = tiles.rect(number);
+                assert_eq!(tiles.number(tile), Some(number));
+                for at in 0..tile.pixels() {
+                    let (row, column) = (at / tile.columns, at % tile.columns);
+                    met[(tile.row + row) * columns + tile.column + column] += 1;
+                }
+                let moved = TileRect { column: tile.column + 1, ..tile };
+                let wider = TileRect { columns: tile.columns + 1, ..tile };
+                let below = TileRect { row: tile.row + tiles.down() * 32, ..tile };
+                assert!([moved, wider, below].iter().all(|t| tiles.number(*t).is_none()));
+            }
+            assert!(met.iter().all(|&n| n == 1), "{columns} x {rows}");
+        }
+    }
 }

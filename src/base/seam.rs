@@ -97,3 +97,24 @@ pub trait TileSink: Sync {
         None
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_sink_takes_its_own_tiles_and_entries_in_order_alone() {
+        let tiles = Tiles { columns: 40, rows: 50, edge: 32 };
+        let tile = tiles.rect(1);
+        let entry = |timestep, pixel| SeriesEntry { timestep, pixel, irradiance_w_m2: 1.0 };
+        let check = |tile, entries: &[SeriesEntry]| checked_tile(&tiles, &(5..9), tile, entries);
+        let sound = [entry(5, 0), entry(5, 7), entry(6, 0), entry(8, 8 * 32 - 1)];
+        assert_eq!(check(tile, &sound).unwrap(), 1);
+        assert!(check(TileRect { row: 1, ..tile }, &sound).is_err(), "no tile");
+        for wrong in [entry(4, 0), entry(9, 0), entry(6, 8 * 32)] {
+            assert!(check(tile, &[wrong]).is_err(), "{wrong:?} lies outside");
+        }
+        assert!(check(tile, &[entry(6, 0), entry(5, 0)]).is_err(), "earlier");
+        assert!(check(tile, &[entry(6, 3), entry(6, 3)]).is_err(), "twice");
+    }
+}

@@ -28,10 +28,8 @@ use glam::DVec3;
 
 use super::block::Table;
 use super::circle::on_hemisphere;
-use super::rough::{self, Glass};
-use super::scatter::PvGlass;
 use super::square::{Chart, Square};
-use super::{Bsdf, Cone, Measured, Scattered, fresnel};
+use super::{Bsdf, Cone, Measured, Scattered};
 use crate::base::Stream;
 
 /// Scattering square by square. For each lobe, `f * cos(out) dω = density(u, v) du dv`, where two
@@ -43,7 +41,6 @@ impl Bsdf {
         match self {
             Self::Lambertian { .. } => &[Chart::Hemisphere],
             Self::Mirror { .. } | Self::Glass { .. } => &[Chart::Mirrored],
-            Self::PvGlass(_) => &[Chart::Facets, Chart::Hemisphere],
             Self::Facets(facets) => facets.charts(),
             Self::Measured(measured) => match measured.table() {
                 Table::Matrix(_) => &[Chart::Hemisphere],
@@ -80,11 +77,7 @@ impl Bsdf {
             (Self::Lambertian { reflectance }, _) => {
                 Some((on_hemisphere(at.0, at.1), *reflectance))
             }
-            (Self::PvGlass(glass), Chart::Facets) => {
-                rough::density(glass.ggx, &Glass(glass.index), incident, at, least)
-            }
             (Self::Facets(facets), chart) => facets.density(chart, incident, at, least),
-            (Self::PvGlass(glass), _) => Some(glass.ground_density(incident, at.0, at.1)),
             (Self::Measured(measured), _) => measured.density(square, incident, u, v),
             #[allow(unreachable_patterns, reason = "models without lobes are drawn as a whole")]
             _ => None,
@@ -132,7 +125,6 @@ impl Bsdf {
                 }
             }
             (Self::Measured(measured), Chart::Cells) => measured.reach(square, from),
-            (Self::PvGlass(PvGlass { ggx, .. }), Chart::Facets) => rough::reach(*ggx, square, from),
             (Self::Facets(facets), Chart::Facets) => facets.reach(square, from),
             _ => Cone::ALL,
         }
@@ -144,7 +136,6 @@ impl Bsdf {
         let high = from.heights().1.max(0.0);
         match (self, chart) {
             (Self::Lambertian { .. }, Chart::Hemisphere) => Some(high),
-            (Self::PvGlass(glass), Chart::Hemisphere) => Some(high * glass.passes(high)),
             (Self::Facets(facets), Chart::Hemisphere) => Some(high * facets.entering(from)),
             _ => None,
         }
@@ -163,33 +154,11 @@ impl Bsdf {
                 self.bound_between(low, high)
             }
             (Self::Facets(facets), _) => facets.most(square, from),
-            (Self::PvGlass(glass), Chart::Facets) => {
-                rough::most(glass.ggx, &Glass(glass.index), square, from)
-            }
-            (Self::PvGlass(glass), _) => {
-                let nearest = rough::cosines(square).1;
-                let (entering, leaving) = (glass.passes(high), glass.passes(nearest));
-                glass.diffuse * entering * leaving
-            }
             (Self::Measured(measured), _) => measured.density_most(square, from),
             #[allow(unreachable_patterns, reason = "models without lobes are drawn as a whole")]
             _ => self.bound_between(low, high),
         };
         most * high * (1.0 + 1e-9)
-    }
-}
-
-impl PvGlass {
-    /// Share that passes the interface.
-    #[inline]
-    fn passes(&self, cos: f64) -> f64 {
-        1.0 - fresnel::reflectance(cos, self.index)
-    }
-
-    #[inline]
-    fn ground_density(&self, incident: DVec3, u: f64, v: f64) -> (DVec3, f64) {
-        let out = on_hemisphere(u, v);
-        (out, self.diffuse * self.passes(incident.z) * self.passes(out.z))
     }
 }
 

@@ -60,6 +60,44 @@ pub(super) fn polar_range(low: [f64; 2], high: [f64; 2]) -> ([f64; 2], [f64; 2])
     (radii, [turns[0] - 1e-12, turns[1] + 1e-12])
 }
 
+/// A box of the square that holds all points with these radii and azimuths (turns).
+///
+/// Within a quarter turn around an axis one coordinate is the radius and the other the radius times
+/// the angle: both are largest and smallest at corners.
+pub(super) fn square_span(radii: [f64; 2], turns: [f64; 2]) -> ([f64; 2], [f64; 2]) {
+    let far = 0.5 * radii[1];
+    if turns[1] - turns[0] >= 1.0 {
+        return ([0.5 - far; 2], [0.5 + far; 2]);
+    }
+    let (mut low, mut high) = ([1.0_f64; 2], [0.0_f64; 2]);
+    let mut hold = |turns: f64| {
+        // Towards the ends of a radius: the middle's azimuth is any.
+        let eighths = 8.0 * (turns - libm::floor(turns));
+        for radius in radii {
+            let [a, b] = match eighths {
+                e if e < 1.0 => [radius, e * radius],
+                e if e < 3.0 => [(2.0 - e) * radius, radius],
+                e if e < 5.0 => [-radius, (4.0 - e) * radius],
+                e if e < 7.0 => [(e - 6.0) * radius, -radius],
+                e => [radius, (e - 8.0) * radius],
+            };
+            for (i, x) in [a, b].into_iter().enumerate() {
+                low[i] = low[i].min(0.5 * (x + 1.0));
+                high[i] = high[i].max(0.5 * (x + 1.0));
+            }
+        }
+    };
+    hold(turns[0]);
+    hold(turns[1]);
+    // The diagonals, where the coordinates change their parts.
+    let mut diagonal = libm::ceil(4.0 * turns[0] - 0.5) + 0.5;
+    while diagonal < 4.0 * turns[1] {
+        hold(0.25 * diagonal);
+        diagonal += 1.0;
+    }
+    (low, high)
+}
+
 /// Point of the square at a point of the unit disc.
 #[inline]
 pub(super) fn square_from_disk(disk: [f64; 2]) -> [f64; 2] {

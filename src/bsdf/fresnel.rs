@@ -10,23 +10,8 @@ pub fn reflectance(cos: f64, index: f64) -> f64 {
     0.5 * (across * across + parallel * parallel)
 }
 
-/// Upper bound of the reflectance at any microfacet that reflects light from `cos` into the upper
-/// hemisphere.
-///
-/// Proof: the angle between the incident direction i and the outgoing o is at most angle(i, n) +
-/// angle(n, o) <= theta + 90 degrees, and the half vector halves it, so the angle of incidence at
-/// the microfacet is at most (theta + 90 degrees) / 2. Unpolarised Fresnel reflectance grows with
-/// the angle for the indices that models accept (a test holds it). The cosine of that half angle
-/// is sqrt((1 + cos(theta + 90 degrees)) / 2) = sqrt((1 - sin theta) / 2), and 1 - sin = cos^2 /
-/// (1 + sin) without cancellation.
-#[inline]
-pub(super) fn facet_bound(cos: f64, index: f64) -> f64 {
-    let cos = cos.clamp(0.0, 1.0);
-    let sin = (1.0 - cos * cos).sqrt();
-    reflectance(cos * (0.5 / (1.0 + sin)).sqrt(), index)
-}
-
 /// Mean of the reflectance over a hemisphere of even radiance, `2 integral F cos dcos`.
+#[cfg(test)]
 pub(super) fn diffuse_mean(index: f64) -> f64 {
     const STEPS: u32 = 20_000;
     let sum: f64 = (0..STEPS)

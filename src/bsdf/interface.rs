@@ -103,8 +103,15 @@ impl Interface {
         self.curve.at(cos)
     }
 
-    /// Upper bound of the reflectance at any facet that reflects light from `cos` upwards; see
-    /// [`fresnel::facet_bound`] for the smallest cosine there.
+    /// Upper bound of the reflectance at any microfacet that reflects light from `cos` into the upper
+    /// hemisphere.
+    ///
+    /// Proof: the angle between the incident direction i and the outgoing o is at most angle(i, n) +
+    /// angle(n, o) <= theta + 90 degrees, and the half vector halves it, so the angle of incidence at
+    /// the microfacet is at most (theta + 90 degrees) / 2, and the largest reflectance up to there
+    /// is known. The cosine of that half angle
+    /// is sqrt((1 + cos(theta + 90 degrees)) / 2) = sqrt((1 - sin theta) / 2), and 1 - sin = cos^2 /
+    /// (1 + sin) without cancellation.
     #[inline]
     pub(super) fn facet_bound(&self, cos: f64) -> f64 {
         let cos = cos.clamp(0.0, 1.0);

@@ -153,7 +153,12 @@ impl KlemsBasis {
     }
 
     /// Calls `each` for every patch that may touch a range of squared sines and one of azimuths.
-    fn patches_touching(&self, sin2: [f64; 2], turns: [f64; 2], mut each: impl FnMut(usize)) {
+    pub(super) fn patches_touching(
+        &self,
+        sin2: [f64; 2],
+        turns: [f64; 2],
+        mut each: impl FnMut(usize),
+    ) {
         let slack = 1e-9;
         let middle = 0.5 * (turns[0] + turns[1]);
         let half = 0.5 * (turns[1] - turns[0]);
@@ -298,13 +303,20 @@ impl Matrix {
 
     /// Largest value, 1/sr, for light from a cone into a range of squared sines and azimuths.
     pub(super) fn most_within(&self, sin2: [f64; 2], turns: [f64; 2], from: &Cone) -> f64 {
+        let mut outgoing = Vec::new();
+        self.outgoing.patches_touching(sin2, turns, |o| outgoing.push(o));
+        self.most_among(&outgoing, from)
+    }
+
+    /// Largest value, 1/sr, for light from a cone into some outgoing patches.
+    pub(super) fn most_among(&self, outgoing: &[usize], from: &Cone) -> f64 {
         let (low, high) = from.radii();
         // Patches hold light by where it travels to.
         let (centre, spread) = from.about(-from.axis).turns();
+        let (sin2, turns) = ([low * low, high * high], [centre - spread, centre + spread]);
         let mut most = 0.0_f64;
-        let incident = [centre - spread, centre + spread];
-        self.incident.patches_touching([low * low, high * high], incident, |i| {
-            self.outgoing.patches_touching(sin2, turns, |o| most = most.max(self.value(i, o)));
+        self.incident.patches_touching(sin2, turns, |i| {
+            most = outgoing.iter().fold(most, |most, &o| most.max(self.value(i, o)));
         });
         most
     }

@@ -6,53 +6,9 @@ use std::f64::consts::PI;
 use glam::DVec3;
 
 use super::Cone;
-use super::fresnel;
 use super::ggx::Ggx;
 use super::interface::Interface;
 use super::square::Square;
-
-/// What a facet reflects, by the cosine of the light that it meets.
-pub(super) trait Reflects {
-    fn at(&self, cos: f64) -> f64;
-    /// The most between two cosines.
-    fn most(&self, low: f64, high: f64) -> f64;
-    /// The most at any facet that sends light from `cos` upwards.
-    fn facet_bound(&self, cos: f64) -> f64;
-}
-
-/// An interface of glass, by its index.
-pub(super) struct Glass(pub f64);
-
-impl Reflects for Glass {
-    #[inline]
-    fn at(&self, cos: f64) -> f64 {
-        fresnel::reflectance(cos, self.0)
-    }
-
-    fn most(&self, low: f64, _high: f64) -> f64 {
-        // It grows with the angle of incidence.
-        fresnel::reflectance(low, self.0)
-    }
-
-    fn facet_bound(&self, cos: f64) -> f64 {
-        fresnel::facet_bound(cos, self.0)
-    }
-}
-
-impl Reflects for Interface {
-    #[inline]
-    fn at(&self, cos: f64) -> f64 {
-        Interface::at(self, cos)
-    }
-
-    fn most(&self, low: f64, high: f64) -> f64 {
-        Interface::most(self, low, high)
-    }
-
-    fn facet_bound(&self, cos: f64) -> f64 {
-        Interface::facet_bound(self, cos)
-    }
-}
 
 /// Directions that facets of a cone reflect light from another one into. Turning a facet turns
 /// the reflection by twice the angle at most; turning the incident direction, by as much.
@@ -66,7 +22,7 @@ fn mirrored(facets: &Cone, from: &Cone) -> Cone {
 #[inline]
 pub(super) fn density(
     ggx: Ggx,
-    reflects: &impl Reflects,
+    reflects: &Interface,
     incident: DVec3,
     (u, v): (f64, f64),
     least: f64,
@@ -96,7 +52,7 @@ pub(super) fn reach(ggx: Ggx, square: Square, from: &Cone) -> Cone {
 
 /// Upper bound of the density in a square: of what its facets reflect, and of how they are seen
 /// back: the more upright a direction is, the more facets see it.
-pub(super) fn most(ggx: Ggx, reflects: &impl Reflects, square: Square, from: &Cone) -> f64 {
+pub(super) fn most(ggx: Ggx, reflects: &Interface, square: Square, from: &Cone) -> f64 {
     let facets = facets_within(ggx, square, from);
     let out = mirrored(&facets, from).heights().1;
     if out <= 0.0 {

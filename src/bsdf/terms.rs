@@ -2,9 +2,7 @@
 
 use std::f64::consts::FRAC_1_PI;
 
-use glam::DVec3;
-
-use super::{Bsdf, Facets, Measured, Table, fresnel, scatter::PvGlass};
+use super::{Bsdf, Facets, Measured};
 
 /// A part of a scattering function without its delta lobes; the function is the sum of its terms,
 /// each times its share ([`Bsdf::terms`]).
@@ -21,46 +19,27 @@ pub enum Term<'a> {
 /// `f = D(h) G2(i, o) R(i.h) / (4 cos_i cos_o) + k a(i) a(o) / pi`: GGX facets with Smith's
 /// height-correlated G2 (`D` is 0 where [`Self::alpha`] is `None`), see [`Facets`].
 #[derive(Clone, Copy, Debug)]
-pub struct FacetTerm<'a>(Kind<'a>);
-
-#[derive(Clone, Copy, Debug)]
-enum Kind<'a> {
-    Glass(&'a PvGlass),
-    Facets(&'a Facets),
-}
+pub struct FacetTerm<'a>(&'a Facets);
 
 impl FacetTerm<'_> {
     /// GGX roughness; `None` for a smooth front, whose lobe is a delta.
     pub fn alpha(&self) -> Option<f64> {
-        match self.0 {
-            Kind::Glass(glass) => Some(glass.ggx.alpha),
-            Kind::Facets(facets) => facets.alpha(),
-        }
+        self.0.alpha()
     }
 
     /// R: what a facet reflects, by the cosine on it.
     pub fn reflectance(&self, cos: f64) -> f64 {
-        match self.0 {
-            Kind::Glass(glass) => fresnel::reflectance(cos, glass.index),
-            Kind::Facets(facets) => facets.facet_reflectance(cos),
-        }
+        self.0.facet_reflectance(cos)
     }
 
     /// a: the ground's factor, by the cosine of a direction.
     pub fn ground(&self, cos: f64) -> f64 {
-        match self.0 {
-            Kind::Glass(glass) => 1.0 - fresnel::reflectance(cos, glass.index),
-            Kind::Facets(facets) => facets.ground(cos),
-        }
+        self.0.ground(cos)
     }
 
     /// `k / pi`, 1/sr.
     pub fn ground_per_sr(&self) -> f64 {
-        let k = match self.0 {
-            Kind::Glass(glass) => glass.diffuse,
-            Kind::Facets(facets) => facets.ground_strength(),
-        };
-        k * FRAC_1_PI
+        self.0.ground_strength() * FRAC_1_PI
     }
 }
 
@@ -70,8 +49,7 @@ impl Bsdf {
         match self {
             Self::Lambertian { reflectance } => vec![(1.0, Term::Even(reflectance * FRAC_1_PI))],
             Self::Mirror { .. } | Self::Glass { .. } => Vec::new(),
-            Self::PvGlass(glass) => vec![(1.0, Term::Lobe(FacetTerm(Kind::Glass(glass))))],
-            Self::Facets(facets) => vec![(1.0, Term::Lobe(FacetTerm(Kind::Facets(facets))))],
+            Self::Facets(facets) => vec![(1.0, Term::Lobe(FacetTerm(facets)))],
             Self::Mixture(mixture) => mixture
                 .parts()
                 .iter()
@@ -89,47 +67,15 @@ impl Bsdf {
             Self::Mirror { .. } | Self::Glass { .. } => true,
             Self::Facets(facets) => facets.alpha().is_none(),
             Self::Mixture(mixture) => mixture.parts().iter().any(|(_, part)| part.has_delta()),
-            Self::Lambertian { .. } | Self::PvGlass(_) | Self::Measured(_) => false,
-        }
-    }
-}
-
-impl Measured {
-    /// Number of the incident patch of a direction, where the file has patches (Klems).
-    pub fn incident_patch(&self, incident: DVec3) -> Option<usize> {
-        match self.table() {
-            Table::Matrix(matrix) => matrix.incident_patch(self.turned(incident)),
-            Table::Tree(_) => None,
-        }
-    }
-
-    /// Outgoing patches of a file that has patches (Klems), else 0.
-    pub fn patches(&self) -> usize {
-        match self.table() {
-            Table::Matrix(matrix) => matrix.outgoing.len(),
-            Table::Tree(_) => 0,
-        }
-    }
-
-    /// The value between two patches, 1/sr; 0 where the file has none.
-    pub fn value(&self, incident: usize, outgoing: usize) -> f64 {
-        match self.table() {
-            Table::Matrix(matrix) => matrix.value(incident, outgoing),
-            Table::Tree(_) => 0.0,
-        }
-    }
-
-    /// Number of the outgoing patch of a direction, where the file has patches.
-    pub fn outgoing_patch(&self, out: DVec3) -> Option<usize> {
-        match self.table() {
-            Table::Matrix(matrix) => matrix.outgoing.patch(self.turned(out)),
-            Table::Tree(_) => None,
+            Self::Lambertian { .. } | Self::Measured(_) => false,
         }
     }
 }
 
 #[cfg(test)]
 mod tests {
+    use glam::DVec3;
+
     use super::*;
     use crate::base::{Purpose, Stream};
     use crate::bsdf::{PRESETS, on_hemisphere};

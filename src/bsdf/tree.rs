@@ -17,7 +17,7 @@ mod build;
 use glam::DVec3;
 
 use super::Cone;
-use super::disk::{disk_from_square, polar_range, square_from_disk};
+use super::disk::{disk_from_square, polar_range, square_from_disk, square_span};
 use crate::base::Stream;
 
 pub(super) use build::Raw;
@@ -49,6 +49,11 @@ pub struct Tree {
     most_in_file: f64,
     /// Levels of the finest incident and outgoing cells.
     levels: u32,
+}
+
+/// A box of the square, wider by more than the rounding of all that leads to it.
+fn widened((low, high): ([f64; 2], [f64; 2])) -> ([f64; 2], [f64; 2]) {
+    (low.map(|x| x - 1e-9), high.map(|x| x + 1e-9))
 }
 
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -95,9 +100,14 @@ impl Tree {
             + self.roots.len() * size_of::<Root>()
     }
 
-    /// The slice of light from a direction.
     #[inline]
     fn root(&self, from: DVec3) -> &Root {
+        &self.roots[self.root_number(from) as usize]
+    }
+
+    /// Number of the slice of light from a direction.
+    #[inline]
+    pub(super) fn root_number(&self, from: DVec3) -> u32 {
         let mut at = if self.rank == 3 {
             let radius = (from.x * from.x + from.y * from.y).sqrt().min(1.0);
             // Half of the axis is used: files keep 1 - sin in cells of twice the width.
@@ -117,7 +127,7 @@ impl Tree {
             }
             node = self.incident[node as usize][part];
         }
-        &self.roots[(node & !LEAF) as usize]
+        node & !LEAF
     }
 
     /// Share of the light from a direction that is scattered.
@@ -127,7 +137,8 @@ impl Tree {
     }
 
     /// Turns the disc so that light from `from` travels along +x (isotropic trees).
-    fn turn(&self, from: DVec3) -> (f64, f64) {
+    #[inline]
+    pub(super) fn turn(&self, from: DVec3) -> (f64, f64) {
         if self.rank != 3 {
             return (1.0, 0.0);
         }
@@ -137,8 +148,14 @@ impl Tree {
 
     pub(super) fn evaluate(&self, from: DVec3, to: DVec3) -> f64 {
         let (cos, sin) = self.turn(from);
+        self.value(self.root_number(from), [cos, sin], to)
+    }
+
+    /// The value of a slice, 1/sr, with outgoing directions turned back by an angle.
+    #[inline]
+    pub(super) fn value(&self, root: u32, [cos, sin]: [f64; 2], to: DVec3) -> f64 {
         let mut at = square_from_disk([to.x * cos + to.y * sin, to.y * cos - to.x * sin]);
-        let root = self.root(from);
+        let root = &self.roots[root as usize];
         let mut node = root.node;
         while node & LEAF == 0 {
             let mut quarter = 0;
@@ -265,7 +282,18 @@ impl Tree {
     /// Largest mean value, 1/sr, of a part of the outgoing square (level, column, row) for light
     /// from a cone.
     pub(super) fn most_within(&self, part: (u8, u16, u16), from: &Cone) -> f64 {
-        let (low, high) = if self.rank == 3 {
+        let mut most = 0.0_f64;
+        self.each_incident(from, &mut |root| {
+            let root = &self.roots[root as usize];
+            let mean = self.mean(self.below(root.node, part));
+            most = most.max(f64::from(mean) * f64::from(root.scale));
+        });
+        most
+    }
+
+    /// The numbers of all slices that light of a cone may have.
+    fn each_incident(&self, from: &Cone, each: &mut impl FnMut(u32)) {
+        let span = if self.rank == 3 {
             let (near, far) = from.radii();
             let at = |radius: f64| (0.5 - 1e-7 - 0.5 * radius).max(0.0);
             ([at(far) - 1e-9, 0.0], [at(near) + 1e-9, 0.0])
@@ -274,10 +302,63 @@ impl Tree {
             let at = square_from_disk([-from.axis.x, -from.axis.y]);
             (at.map(|c| c - 0.85 * from.angle_rad), at.map(|c| c + 0.85 * from.angle_rad))
         };
+        self.each_root(self.incident_root, [0.0; 2], 1.0, span, each);
+    }
+
+    /// Widens a span by the values of a slice in all cells that directions of a cone may lie in.
+    pub(super) fn values_within(&self, root: u32, out: &Cone, span: &mut [f64; 2]) {
+        let (near, far) = out.radii();
+        let (centre, spread) = out.turns();
+        let within = widened(square_span([near, far], [centre - spread, centre + spread]));
+        let root = &self.roots[root as usize];
+        let mut own = [f64::INFINITY, 0.0_f64];
+        self.span(root.node, ([0.0; 2], 1.0), within, &mut own);
+        let scale = f64::from(root.scale);
+        *span = [span[0].min(own[0] * scale), span[1].max(own[1] * scale)];
+    }
+
+    fn span(
+        &self,
+        node: u32,
+        (corner, size): ([f64; 2], f64),
+        within: ([f64; 2], [f64; 2]),
+        span: &mut [f64; 2],
+    ) {
+        if node & LEAF != 0 {
+            let value = f64::from(self.values[(node & !LEAF) as usize]);
+            *span = [span[0].min(value), span[1].max(value)];
+            return;
+        }
+        let half = 0.5 * size;
+        for quarter in 0..4 {
+            let at = [
+                corner[0] + if quarter & 1 != 0 { half } else { 0.0 },
+                corner[1] + if quarter & 2 != 0 { half } else { 0.0 },
+            ];
+            if (0..2).all(|i| at[i] <= within.1[i] && at[i] + half >= within.0[i]) {
+                let child = self.slices[node as usize].children[quarter];
+                self.span(child, (at, half), within, span);
+            }
+        }
+    }
+
+    /// Largest value, 1/sr, for light from a cone to directions of another one.
+    pub(super) fn most_between(&self, from: &Cone, out: &Cone) -> f64 {
+        let (near, far) = out.radii();
+        let (centre, spread) = out.turns();
+        let mut turns = [centre - spread, centre + spread];
+        if self.rank == 3 {
+            // Azimuths count from that of the light.
+            let (centre, spread) = from.about(-from.axis).turns();
+            turns = [turns[0] - centre - spread, turns[1] - centre + spread];
+        }
+        let within = widened(square_span([near, far], turns));
         let mut most = 0.0_f64;
-        self.each_root(self.incident_root, [0.0; 2], 1.0, (low, high), &mut |root| {
-            let mean = self.mean(self.below(root.node, part));
-            most = most.max(f64::from(mean) * f64::from(root.scale));
+        self.each_incident(from, &mut |root| {
+            let root = &self.roots[root as usize];
+            let mut span = [0.0, 0.0];
+            self.span(root.node, ([0.0; 2], 1.0), within, &mut span);
+            most = most.max(span[1] * f64::from(root.scale));
         });
         most
     }
@@ -289,10 +370,10 @@ impl Tree {
         corner: [f64; 2],
         size: f64,
         span: ([f64; 2], [f64; 2]),
-        each: &mut impl FnMut(&Root),
+        each: &mut impl FnMut(u32),
     ) {
         if node & LEAF != 0 {
-            return each(&self.roots[(node & !LEAF) as usize]);
+            return each(node & !LEAF);
         }
         let half = 0.5 * size;
         for part in 0..1 << (self.rank - 2) {

@@ -144,7 +144,7 @@ pub fn write(bsdf: &Bsdf, name: &str, fineness: Fineness) -> Result<Written, Err
 pub fn write_points(data: &Goniophotometer, fineness: Fineness) -> Result<Written, Error> {
     let rank = if data.is_isotropic() { 3 } else { 4 };
     check(rank, fineness)?;
-    let surface = Interpolation::of(&data);
+    let surface = Interpolation::of(data);
     let closeness = Closeness { incident: 1, deepest: 1 };
     let value = |from, to| surface.value(from, to);
     let cells = Cells::sampled(rank, fineness.resolution, closeness, &value, None);

@@ -4,6 +4,7 @@ use serde_json::json;
 
 use super::Context;
 use super::run::{How, finished, judge};
+use crate::project::artifacts::REPORT;
 
 /// Make the report for people who read no pixels, and whatever it needs; print where it lies
 #[derive(Debug, clap::Args)]
@@ -19,7 +20,7 @@ pub(super) struct Arguments {
 
 pub(super) fn run(arguments: &Arguments, context: &Context) -> anyhow::Result<()> {
     let summary = finished(&arguments.project, &arguments.how, context)?;
-    let path = summary.folder.join("report.html");
+    let path = summary.folder.join(REPORT);
     context.print(&json!({ "report": path, "run": summary }), &path.display().to_string())?;
     judge(&arguments.how, &summary, context)
 }

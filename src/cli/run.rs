@@ -11,6 +11,7 @@ use super::{Context, size};
 use crate::project::Assignment;
 use crate::project::Resolved;
 use crate::project::Shard;
+use crate::project::artifacts::REPORT;
 use crate::rules::Outcome;
 use crate::run;
 use crate::run::{Options, Stage, Summary};
@@ -156,7 +157,7 @@ fn told(summary: &Summary, until: Stage) -> String {
             writeln!(text, "draft, not for assessment: fewer than 4 million photons a material");
     }
     if until == Stage::Report {
-        let _ = writeln!(text, "look at {}", summary.folder.join("report.html").display());
+        let _ = writeln!(text, "look at {}", summary.folder.join(REPORT).display());
     } else {
         let _ = writeln!(text, "results lie in {}", summary.folder.display());
     }

@@ -27,7 +27,7 @@ pub mod year;
 
 pub use analysis::{Analysis, Filtered};
 pub use error::{Error, ReadFailure};
-pub use events::{Event, Events, write_events};
+pub use events::{Event, EventRow, EventTimes, Events, ListedEvent, write_events};
 pub use filter::Kernel;
 pub use plan::Plan;
 pub use regular::Regular;
@@ -36,4 +36,7 @@ pub use settings::{Connectivity, Settings};
 pub use slices::{Calendar, Slices};
 pub use stream::{analyse, analyse_planned, plan};
 pub use tile_batch::TileBatch;
-pub use year::{Lengths, Run, SpotGlare, YearMap, YearRows, YearTiles, margins, runs, spot, year};
+pub use year::{
+    HourBounds, HourCounter, Lengths, Run, SpotGlare, YearMap, YearRows, YearTiles, each_slice,
+    margins, runs, spot, year,
+};

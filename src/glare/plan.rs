@@ -1,6 +1,10 @@
+//! How an analysis is cut into steps, so that it stays within the memory that it is given.
+
 use super::error::Error;
 use super::events::counts::Counts;
 use super::events::duration::Durations;
+use super::filter::strip::{GROUP_ROWS, PIECE_COLUMNS};
+use super::filter::window::GROUP;
 use super::settings::Settings;
 use super::slices::checked;
 use super::wave::STRIP_ROWS;
@@ -9,14 +13,15 @@ use crate::base::limits::TILE_EDGE;
 /// Timesteps that are filtered together: each slice of the window is then fetched from memory
 /// twice instead of nine times at sigma 1.
 const BATCH: usize = 8;
-/// Timesteps that are read together at least, where there is memory for them.
+/// Timesteps that are read together at least, where there is memory for them: a chunk of a volume.
 const BLOCK: usize = 16;
 /// Timesteps that are read together at most, where a slice is small.
 const MAX_BLOCK: usize = 256;
 /// Bytes that a block may have for the sake of fewer reads.
 const SMALL_BLOCK_BYTES: u64 = 4 << 20;
 
-/// Bytes for what is found in a voxel of a strip, however noisy.
+/// Bytes for what is found in a voxel of a strip of noise: a row run has 20, and where all is
+/// noise with a fifth above the threshold a sixth of the voxels begin one, in room that doubles.
 const FOUND_BYTES: usize = 8;
 /// Bytes that may be kept in memory at most of what could be spilled.
 const MAX_SPILL_BYTES: u64 = 64 << 20;
@@ -107,17 +112,19 @@ impl Demand {
     fn bytes(&self, batch: usize, block: usize) -> u64 {
         let [_, rows, columns] = self.shape;
         let yearly = if self.calendar { Counts::YEARLY_BYTES_PER_PIXEL } else { 0 };
+        // Three maps of 4 bytes, and three more of the calendar.
         let maps = 12 + if self.calendar { 12 } else { 0 };
         let keep = if self.keep { 4 * (block + self.radius[0]) as u64 } else { 0 };
         let past = self.depth() as u64;
-        // The window is gone when the maps are made.
+        // 4 bytes and some flags for each tile and group of columns; the window is gone when the maps
+        // are made.
         let window = (4 * past + past / 16).max(maps);
         let pixel = Counts::BYTES_PER_PIXEL + Durations::BYTES_PER_PIXEL + yearly + keep + window;
         // Two waves, what the filter sees above and below, and the rest of its rows of tiles.
         let strips = STRIP_ROWS * self.threads.max(2);
         let fresh = (2 * strips + 2 * self.radius[1] + 2 * TILE_EDGE).min(2 * rows);
-        let ring = (2 * self.radius[1] + 4).min(rows) * batch;
-        let width = columns.min(1024 + 64);
+        let ring = (2 * self.radius[1] + GROUP_ROWS).min(rows) * batch;
+        let width = columns.min(PIECE_COLUMNS + GROUP);
         // What is found in a strip, twice: while it is sought and while it waits to be followed.
         let found = 2 * FOUND_BYTES * STRIP_ROWS.min(rows) * columns * block;
         let thread = 4 * width * ring + found;

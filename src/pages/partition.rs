@@ -107,13 +107,11 @@ impl Partition {
         let mut unpacker = Unpacker::new().map_err(Error::io(&path, "unpacking photons"))?;
         let (mut packed, mut records) = (Vec::new(), Vec::new());
         let (mut photons, mut left, mut sum) = (self.photons, self.bytes, 0);
-        let word = |head: &[u8; HEAD_BYTES], at: usize| {
-            u32::from_le_bytes([head[at], head[at + 1], head[at + 2], head[at + 3]])
-        };
         while left > 0 {
             let mut head = [0; HEAD_BYTES];
             file.read_exact(&mut head).map_err(Error::io(&path, "reading photons"))?;
-            let (count, length) = (u64::from(word(&head, 0)), u64::from(word(&head, 4)));
+            let word = |at: usize| u32::from_le_bytes(std::array::from_fn(|k| head[at + k]));
+            let (count, length) = (u64::from(word(0)), u64::from(word(4)));
             let fits = count <= photons.min(BLOCK_PHOTONS as u64)
                 && length.checked_add(HEAD_BYTES as u64).is_some_and(|bytes| bytes <= left);
             if !fits {

@@ -11,10 +11,11 @@
 //! before needed, and is repeated with a larger one where that was too small: the answer is exact
 //! either way. Of photons at the same distance the lowest index wins, so that the answer is one.
 //!
-//! What lost: a heap of the k best, as most photon maps have it (Jensen 2001, "Realistic Image
-//! Synthesis Using Photon Mapping", section 6.3): it sifts at every photon that comes nearer, a branch
-//! that is never predicted, where a selection of the k-th of 2k is linear. And one search for several neighbouring
-//! points inside of the store: sharing is done where points are known (`render/gather/share`).
+//! What lost: a heap of the k best, as photon maps commonly have it (Jensen 2001, "Realistic Image
+//! Synthesis Using Photon Mapping"): it sifts at every photon that comes nearer, a branch that is
+//! hardly ever predicted, where the selection of the k-th of 2k is linear. And one search for several
+//! neighbouring points inside of the store: sharing is done where the points are known
+//! (`render/gather/share`), and nothing else used it.
 
 use glam::Vec3;
 

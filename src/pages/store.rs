@@ -3,20 +3,24 @@
 //! The problem: photons by the billion, more than memory holds, of which every pixel of every view asks
 //! for some hundreds around a point.
 //!
-//! The idea: Radiance's out-of-core photon map (Schregle 2016, "A practical introduction to
-//! out-of-core photon mapping", with its leaf file in Morton order and its page cache), thought
-//! again for light that changes over a year. Photons lie in the order of their Morton codes, in pages of at most 8,192 that
-//! are compressed column by column, so that a page is a compact piece of space and neighbouring pixels
-//! ask for the same pages. Above them is an octree, small enough for memory. A page that is looked into
-//! becomes columns of floats in blocks of 128 with a box each, which a search goes through without a branch.
-//! For questions about some timesteps a page knows its first and last one, from when it was read.
+//! The idea: Radiance's out-of-core photon map (Schregle, Grobe & Wittkopf 2016, "An out-of-core
+//! photon mapping approach to daylight coefficients", Journal of Building Performance Simulation 9:
+//! a leaf file in Morton order, a page cache, k nearest neighbours), thought again for light that
+//! changes over a year. Photons lie in the order of their Morton codes, in pages of at most 8,192
+//! that are compressed column by column, so that a page is a compact piece of space and neighbouring
+//! pixels ask for the same pages. Above them is an octree, small enough for memory. A page that is
+//! looked into becomes columns of floats in blocks of 128 with a box each, which a search goes through
+//! without a branch. For questions about some timesteps a page knows its first and last one, from when
+//! it was read.
 //!
-//! A number in the file is a claim. Opening bounds every count by the file's length and by the limits,
-//! and holds nodes and pages against each other; reading a page holds its checksum, box, timesteps and surfaces
-//! against the directory. So a search walks without checks, ends, and misses nothing.
+//! A number in the file is a claim. Opening bounds every count by the file's length and by the
+//! limits, and holds nodes and pages against each other; reading a page holds its checksum, box,
+//! timesteps and surfaces against the directory. So a search walks without checks, ends, and misses
+//! nothing.
 //!
-//! What lost: a k-d tree over single photons (a cache miss at each of 25 levels, and no order on disk), 32-bit
-//! photon numbers, and positions as floats (12 bytes instead of the 3 to 4 that codes within a page take).
+//! Left behind: a k-d tree over single photons, which costs a cache miss at each of its levels and
+//! gives no order on disk; 32-bit photon numbers; positions as floats, which say more than a photon
+//! knows.
 
 use std::cell::RefCell;
 use std::fs::File;
@@ -93,17 +97,13 @@ impl Store {
             what,
             stage: "pages",
         };
-        let expected = head
-            .checked_add(layout.pages_bytes)
-            .and_then(|n| n.checked_add(layout.directory_bytes));
-        if expected != Some(length) {
-            let expected = expected.map_or("more than 2^64".to_owned(), |n| n.to_string());
-            return Err(damaged(
-                length,
-                "end of file",
-                format!("{expected} bytes expected, found {length}"),
-            ));
-        }
+        let sizes = head.checked_add(layout.pages_bytes);
+        let expected = sizes.and_then(|n| n.checked_add(layout.directory_bytes));
+        let bytes = || expected.map_or("more than 2^64".to_owned(), |n| n.to_string());
+        let whole = ensure(expected == Some(length), || {
+            format!("{} bytes expected, found {length}", bytes())
+        });
+        whole.map_err(|what| damaged(length, "end of file", what))?;
         check_header(&header).map_err(|what| damaged(0, "header", what))?;
 
         let bytes = Bytes::new(file, options.access).map_err(Error::io(path, "mapping"))?;
@@ -111,12 +111,9 @@ impl Store {
         let directory = bytes
             .range(at, layout.directory_bytes as usize)
             .map_err(Error::io(path, "reading the directory"))?;
-        let sum = crc32c(&directory);
-        if sum != layout.directory_crc32c {
-            let what =
-                format!("checksum {:08x} expected, found {sum:08x}", layout.directory_crc32c);
-            return Err(damaged(at, "directory", what));
-        }
+        let (expected, sum) = (layout.directory_crc32c, crc32c(&directory));
+        ensure(sum == expected, || format!("checksum {expected:08x} expected, found {sum:08x}"))
+            .map_err(|what| damaged(at, "directory", what))?;
         let (nodes, pages) = gmp::decode_directory(&directory, layout.nodes, layout.pages)
             .map_err(|e| damaged(at, "directory", e.to_string()))?;
         drop(directory);
@@ -316,41 +313,36 @@ impl Store {
         });
         let columns = columns.map_err(|e| self.damaged(number, e.to_string()))?;
         // The decoder held the content against the page's own checksum.
-        if bytes[..4] != entry.checksum.to_le_bytes() {
-            let what = format!("field `checksum`: the directory has {:08x}", entry.checksum);
-            return Err(self.damaged(number, what));
-        }
+        ensure(bytes[..4] == entry.checksum.to_le_bytes(), || {
+            format!("field `checksum`: the directory has {:08x}", entry.checksum)
+        })
+        .map_err(|what| self.damaged(number, what))?;
         self.bytes.release(self.head + entry.offset, entry.length as usize);
         let page = Page::new(&columns);
-        if page.photons != entry.photons as usize {
-            let what = format!("{} photons, the directory has {}", page.photons, entry.photons);
-            return Err(self.damaged(number, what));
-        }
-        if page.bounds() != page_box(entry) {
-            let what = format!(
-                "its photons fill {:?}, the directory has {:?}",
-                page.bounds(),
-                page_box(entry)
-            );
-            return Err(self.damaged(number, what));
-        }
-        for light in &page.light {
-            let known = light.timestep < self.header.timesteps
-                && usize::from(light.surface) < self.header.surfaces.len();
-            if !known {
-                let what = format!(
-                    "a photon of timestep {} and PV surface {}, the header has {} and {}",
-                    light.timestep,
-                    light.surface,
-                    self.header.timesteps,
-                    self.header.surfaces.len()
-                );
-                return Err(self.damaged(number, what));
-            }
-        }
+        self.check(&page, entry).map_err(|what| self.damaged(number, what))?;
         let (first, last) = page.timesteps();
         self.steps[number].store(u64::from(first) << 32 | u64::from(last), Ordering::Relaxed);
         Ok(page)
+    }
+
+    /// Holds what was decoded against the directory and the header.
+    fn check(&self, page: &Page, entry: &PageEntry) -> Result<(), String> {
+        let (found, expected) = (page.photons, entry.photons);
+        ensure(found == expected as usize, || {
+            format!("{found} photons, the directory has {expected}")
+        })?;
+        let (found, expected) = (page.bounds(), page_box(entry));
+        ensure(found == expected, || {
+            format!("its photons fill {found:?}, the directory has {expected:?}")
+        })?;
+        let (timesteps, surfaces) = (self.header.timesteps, self.header.surfaces.len());
+        let known = |l: &&Light| l.timestep < timesteps && usize::from(l.surface) < surfaces;
+        page.light.iter().find(|light| !known(light)).map_or(Ok(()), |l| {
+            Err(format!(
+                "a photon of timestep {} and PV surface {}, the header has {timesteps} and {surfaces}",
+                l.timestep, l.surface
+            ))
+        })
     }
 
     fn damaged(&self, number: usize, what: String) -> Error {
@@ -364,129 +356,116 @@ impl Store {
     }
 }
 
-fn check_header(header: &Header) -> Result<(), String> {
-    let layout = &header.layout;
-    if header.photons > limits::MAX_PHOTONS {
-        return Err(format!("{} photons, at most {}", header.photons, limits::MAX_PHOTONS));
-    }
-    if header.timesteps as usize > limits::MAX_TIMESTEPS {
-        return Err(format!("{} timesteps, at most {}", header.timesteps, limits::MAX_TIMESTEPS));
-    }
-    if header.surfaces.len() > limits::MAX_PV_SURFACES {
-        return Err(format!("{} PV surfaces", header.surfaces.len()));
-    }
-    if layout.page_photons == 0 || layout.page_photons as usize > gmp::PAGE_PHOTONS_MAX {
-        return Err(format!("pages of {} photons", layout.page_photons));
-    }
-    if !layout.cube.is_sound() {
-        return Err(format!("cube {:?}", layout.cube));
-    }
-    let area = header.search.area_m2_per_photon;
-    if !(area.is_finite() && area >= 0.0) {
-        return Err(format!("area_m2_per_photon {area}"));
-    }
-    Ok(())
+/// What the file says holds, or what doesn't.
+fn ensure(holds: bool, what: impl FnOnce() -> String) -> Result<(), String> {
+    if holds { Ok(()) } else { Err(what()) }
 }
 
-fn check_pages(pages: &[PageEntry], header: &Header) -> Result<(), (usize, String)> {
+/// A part of the directory that doesn't hold: its number, and what.
+type Part = (usize, String);
+
+fn check_header(header: &Header) -> Result<(), String> {
+    let (layout, surfaces) = (&header.layout, header.surfaces.len());
+    let (photons, timesteps) = (header.photons, header.timesteps as usize);
+    let (most, page) = (limits::MAX_PHOTONS, layout.page_photons as usize);
+    ensure(photons <= most, || format!("{photons} photons, at most {most}"))?;
+    let most = limits::MAX_TIMESTEPS;
+    ensure(timesteps <= most, || format!("{timesteps} timesteps, at most {most}"))?;
+    ensure(surfaces <= limits::MAX_PV_SURFACES, || format!("{surfaces} PV surfaces"))?;
+    let pages = 1..=gmp::PAGE_PHOTONS_MAX;
+    ensure(pages.contains(&page), || format!("pages of {page} photons"))?;
+    ensure(layout.cube.is_sound(), || format!("cube {:?}", layout.cube))?;
+    let area = header.search.area_m2_per_photon;
+    ensure(area.is_finite() && area >= 0.0, || format!("area_m2_per_photon {area}"))
+}
+
+/// Pages follow each other without gaps, in the order of their cells, and are as many as the header
+/// says.
+fn check_pages(pages: &[PageEntry], header: &Header) -> Result<(), Part> {
     let (mut offset, mut photons, mut cell) = (0u64, 0u64, 0u64);
     for (i, page) in pages.iter().enumerate() {
-        let wrong = |what: String| Err((i, what));
-        if page.offset != offset || page.first_photon != photons {
-            return wrong(format!(
-                "offset {} and first photon {}, expected {offset} and {photons}",
-                page.offset, page.first_photon
-            ));
-        }
-        if page.photons == 0 || page.photons > header.layout.page_photons {
-            return wrong(format!(
-                "{} photons, at most {}",
-                page.photons, header.layout.page_photons
-            ));
-        }
         // Strictly behind the page before, unless both are one chain in one cell.
-        let chained = i > 0
-            && pages[i - 1].first_cell == page.first_cell
-            && page.first_cell == page.last_cell;
-        if page.first_cell < cell && !chained
-            || page.first_cell > page.last_cell
-            || page.last_cell >> 63 != 0
-        {
-            return wrong(format!(
-                "cells {:x} to {:x} out of order",
-                page.first_cell, page.last_cell
-            ));
-        }
+        let one_cell = page.first_cell == page.last_cell;
+        let chained = i > 0 && one_cell && pages[i - 1].first_cell == page.first_cell;
+        let behind = page.first_cell >= cell || chained;
+        let ordered = behind && page.first_cell <= page.last_cell && page.last_cell >> 63 == 0;
         let bounds = page_box(page);
-        if !bounds.min.is_finite() || !bounds.max.is_finite() || bounds.is_empty() {
-            return wrong(format!("box {bounds:?}"));
-        }
-        if page.reserved != 0 {
-            return wrong(format!("reserved is {}", page.reserved));
-        }
+        let real = bounds.min.is_finite() && bounds.max.is_finite() && !bounds.is_empty();
+        let PageEntry { first_photon: first, photons: count, reserved, .. } = *page;
+        let most = header.layout.page_photons;
+        ensure(page.offset == offset && first == photons, || {
+            let at = page.offset;
+            format!("offset {at} and first photon {first}, expected {offset} and {photons}")
+        })
+        .and_then(|()| {
+            ensure(1 <= count && count <= most, || format!("{count} photons, at most {most}"))?;
+            let (first, last) = (page.first_cell, page.last_cell);
+            ensure(ordered, || format!("cells {first:x} to {last:x} out of order"))?;
+            ensure(real, || format!("box {bounds:?}"))?;
+            ensure(reserved == 0, || format!("reserved is {reserved}"))
+        })
+        .map_err(|what| (i, what))?;
         // Bounded by the file's length: the sums are compared below.
         offset = offset.saturating_add(u64::from(page.length));
-        photons += u64::from(page.photons);
+        photons += u64::from(count);
         cell = page.last_cell + 1;
     }
-    if offset != header.layout.pages_bytes || photons != header.photons {
-        let what = format!(
-            "all pages: {offset} bytes and {photons} photons, the header has {} and {}",
-            header.layout.pages_bytes, header.photons
-        );
-        return Err((pages.len(), what));
-    }
-    Ok(())
+    let (bytes, most) = (header.layout.pages_bytes, header.photons);
+    ensure(offset == bytes && photons == most, || {
+        format!(
+            "all pages: {offset} bytes and {photons} photons, the header has {bytes} and {most}"
+        )
+    })
+    .map_err(|what| (pages.len(), what))
 }
 
-/// Every node but the root is the child of one node before it, children part their parent's
-/// pages, boxes hold what is below: a walk from the root ends, and misses nothing.
-fn check_nodes(nodes: &[Node], pages: &[PageEntry]) -> Result<(), (usize, String)> {
-    if nodes.is_empty() != pages.is_empty() {
-        return Err((0, format!("{} nodes for {} pages", nodes.len(), pages.len())));
-    }
+/// Every node but the root is the child of one node before it, the pages of a node are those of its
+/// children, boxes hold what is below: a walk from the root ends, and misses nothing.
+fn check_nodes(nodes: &[Node], pages: &[PageEntry]) -> Result<(), Part> {
+    let both = nodes.is_empty() == pages.is_empty();
+    ensure(both, || format!("{} nodes for {} pages", nodes.len(), pages.len()))
+        .map_err(|what| (0, what))?;
     let mut next_child = 1u64;
-    for (i, node) in nodes.iter().enumerate() {
-        let wrong = |what: String| Err((i, what));
-        let end = u64::from(node.first_page) + u64::from(node.pages);
-        if node.pages == 0 || end > pages.len() as u64 {
-            return wrong(format!("pages {} to {end} of {}", node.first_page, pages.len()));
-        }
-        if i == 0 && (node.first_page, u64::from(node.pages)) != (0, pages.len() as u64) {
-            return wrong("the root doesn't cover all pages".to_owned());
-        }
-        let below = if node.children == 0 {
-            if node.first_child != 0 {
-                return wrong("a leaf with a first child".to_owned());
-            }
-            let range = node.first_page as usize..end as usize;
-            pages[range].iter().fold(Aabb::EMPTY, |all, page| all.union(page_box(page)))
-        } else {
-            let first = u64::from(node.first_child);
-            let last = first + u64::from(node.children);
-            if first != next_child || first <= i as u64 || last > nodes.len() as u64 {
-                return wrong(format!("children {first} to {last} of {}", nodes.len()));
-            }
-            next_child = last;
-            let children = &nodes[first as usize..last as usize];
-            let mut page = u64::from(node.first_page);
-            for child in children {
-                if u64::from(child.first_page) != page {
-                    return wrong("its children don't part its pages".to_owned());
-                }
-                page += u64::from(child.pages);
-            }
-            if page != end {
-                return wrong("its children don't part its pages".to_owned());
-            }
-            children.iter().fold(Aabb::EMPTY, |all, child| all.union(node_box(child)))
-        };
-        if below != node_box(node) {
-            return wrong(format!("box {:?}, below are {below:?}", node_box(node)));
-        }
+    for i in 0..nodes.len() {
+        check_node(i, nodes, pages, &mut next_child).map_err(|what| (i, what))?;
     }
-    if next_child != nodes.len().max(1) as u64 {
-        return Err((next_child as usize, "a node without a parent".to_owned()));
-    }
-    Ok(())
+    ensure(next_child == nodes.len().max(1) as u64, || "a node without a parent".to_owned())
+        .map_err(|what| (next_child as usize, what))
+}
+
+/// Checks node `i`; all before it were checked, and have the children before `next_child`.
+fn check_node(
+    i: usize,
+    nodes: &[Node],
+    pages: &[PageEntry],
+    next_child: &mut u64,
+) -> Result<(), String> {
+    let (node, all) = (&nodes[i], pages.len() as u64);
+    let start = u64::from(node.first_page);
+    let end = start + u64::from(node.pages);
+    ensure(node.pages > 0 && end <= all, || format!("pages {start} to {end} of {all}"))?;
+    let covers = i > 0 || (start, end) == (0, all);
+    ensure(covers, || "the root doesn't cover all pages".to_owned())?;
+    let below = if node.children == 0 {
+        ensure(node.first_child == 0, || "a leaf with a first child".to_owned())?;
+        let pages = &pages[start as usize..end as usize];
+        pages.iter().fold(Aabb::EMPTY, |all, page| all.union(page_box(page)))
+    } else {
+        let first = u64::from(node.first_child);
+        let last = first + u64::from(node.children);
+        let follow = first == *next_child && first > i as u64 && last <= nodes.len() as u64;
+        ensure(follow, || format!("children {first} to {last} of {}", nodes.len()))?;
+        *next_child = last;
+        let children = &nodes[first as usize..last as usize];
+        let mut page = start;
+        for child in children {
+            let begins = u64::from(child.first_page) == page;
+            ensure(begins, || "its children's pages aren't its own".to_owned())?;
+            page += u64::from(child.pages);
+        }
+        ensure(page == end, || "its children's pages aren't its own".to_owned())?;
+        children.iter().fold(Aabb::EMPTY, |all, child| all.union(node_box(child)))
+    };
+    let bounds = node_box(node);
+    ensure(below == bounds, || format!("box {bounds:?}, below are {below:?}"))
 }

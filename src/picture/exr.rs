@@ -188,6 +188,14 @@ pub fn read(path: &Path) -> Result<Channels, Error> {
     decode(path, &bytes)
 }
 
+/// One channel of a file.
+///
+/// # Errors
+/// As [`read`], or where the file has no such channel.
+pub fn read_channel(path: &Path, channel: &str) -> Result<Grid<f32>, Error> {
+    Ok(read(path)?.values(Some(channel), path)?.1)
+}
+
 /// [`read`] from memory; `path` is for messages.
 ///
 /// # Errors

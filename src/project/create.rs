@@ -8,14 +8,12 @@ use glam::DVec3;
 use glintmap_formats::seal;
 use serde::Serialize;
 
+use super::artifacts::SITE_PLAN;
 use super::error::Error;
 use super::places::Mistakes;
 use super::set;
 use crate::site::{Loaded, PvSpec, SceneFile, SceneSpec, Select, Site};
 use crate::sky::Place;
-
-/// The plan of the site that `new` and `check` draw beside the project file.
-pub const PLAN_FILE: &str = "site.png";
 
 /// How carefully the case study is computed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
@@ -84,7 +82,7 @@ pub fn demo(folder: &Path, quality: Quality) -> Result<Demo, Error> {
         let strangers =
             fs::read_dir(folder).map_err(|_| foreign())?.filter_map(Result::ok).any(|e| {
                 e.file_name() != "run"
-                    && e.file_name() != PLAN_FILE
+                    && e.file_name() != SITE_PLAN
                     && !all.iter().any(|(n, _)| e.file_name() == **n)
             });
         if strangers {

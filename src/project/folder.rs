@@ -1,14 +1,19 @@
-//! Where everything of a run lies: handbook names, in one place.
+//! The folder of a run: reads and writes files below it by their names, which stand in
+//! [`artifacts`](super::artifacts).
 
 use std::fs::{self, File, TryLockError};
+use std::io::{self, Write};
 use std::path::{Path, PathBuf};
+
+use glintmap_formats::seal;
+use serde::Serialize;
+use serde::de::DeserializeOwned;
 
 use super::error::Error;
 use super::shard::Shard;
-use crate::base::TileRect;
 use crate::render::HitMap;
 
-/// The names below a project's `run/`. All but [`Folder::root`] are relative to it.
+/// A project's `run/`. Names of files are relative to it.
 #[derive(Clone, Debug)]
 pub struct Folder {
     root: PathBuf,
@@ -30,76 +35,6 @@ impl Folder {
         self.root.join(name)
     }
 
-    /// The timesteps.
-    pub fn suns(&self) -> PathBuf {
-        "suns.csv".into()
-    }
-
-    /// Per pixel: what the view sees.
-    pub fn hits(&self, view: &str) -> PathBuf {
-        Path::new(view).join("hits.gmh")
-    }
-
-    /// Of a set of sensors: whose points they are.
-    pub fn points(&self, set: &str) -> PathBuf {
-        Path::new(set).join("points.json")
-    }
-
-    /// The direct background.
-    pub fn direct(&self, view: &str) -> PathBuf {
-        Path::new(view).join("direct.exr")
-    }
-
-    /// A view's own pictures.
-    pub fn view_file(&self, view: &str, name: &str) -> PathBuf {
-        Path::new(view).join(name)
-    }
-
-    /// Where photons wait to be sorted.
-    pub fn spill(&self, candidate: &str) -> PathBuf {
-        Path::new(candidate).join("spill")
-    }
-
-    /// Where shares of a candidate's photons wait to be joined.
-    pub fn shards(&self, candidate: &str) -> PathBuf {
-        Path::new(candidate).join("shards")
-    }
-
-    /// Where the photons went: counts and flux.
-    pub fn tally(&self, candidate: &str) -> PathBuf {
-        Path::new(candidate).join("tally.json")
-    }
-
-    /// The photon store.
-    pub fn store(&self, candidate: &str) -> PathBuf {
-        Path::new(candidate).join("photons.gmp")
-    }
-
-    /// A file of a candidate's view.
-    pub fn map(&self, candidate: &str, view: &str, name: &str) -> PathBuf {
-        Path::new(candidate).join(view).join(name)
-    }
-
-    /// The time series.
-    pub fn series(&self, candidate: &str, view: &str) -> PathBuf {
-        self.map(candidate, view, "series.zarr")
-    }
-
-    /// Where the year's sums of a view that is integrated directly wait for the last tile.
-    pub fn waiting_tiles(&self, candidate: &str, view: &str) -> PathBuf {
-        self.map(candidate, view, "annual-tiles")
-    }
-
-    /// The file of a tile that waits.
-    pub fn tile(tile: TileRect) -> String {
-        format!("{}-{}.npy", tile.row, tile.column)
-    }
-
-    /// A file of a glare analysis.
-    pub fn glare(&self, candidate: &str, view: &str, threshold: f64, name: &str) -> PathBuf {
-        self.map(candidate, view, &format!("glare-{threshold}")).join(name)
-    }
-
     /// What the pixels of a view, or the points of a set, see.
     ///
     /// # Errors
@@ -119,6 +54,51 @@ impl Folder {
                 .map_err(|source| Error::Write { path: parent.to_owned(), source })?;
         }
         Ok(path)
+    }
+
+    /// Reads a file that holds one value as JSON.
+    ///
+    /// # Errors
+    /// [`Error::Read`], or [`Error::Manifest`] where it holds something else.
+    pub fn read_json<T: DeserializeOwned>(&self, name: &Path) -> Result<T, Error> {
+        let path = self.at(name);
+        let text = fs::read(&path).map_err(|source| Error::Read { path: path.clone(), source })?;
+        serde_json::from_slice(&text).map_err(|e| Error::Manifest { path, message: e.to_string() })
+    }
+
+    /// Reads the rows of a table.
+    ///
+    /// # Errors
+    /// [`Error::Read`], or [`Error::Manifest`] where a row isn't one of these.
+    pub fn read_table<R: DeserializeOwned>(&self, name: &Path) -> Result<Vec<R>, Error> {
+        let path = self.at(name);
+        let file =
+            File::open(&path).map_err(|source| Error::Read { path: path.clone(), source })?;
+        let rows = csv::Reader::from_reader(file).into_deserialize().collect::<Result<_, _>>();
+        rows.map_err(|e| Error::Manifest { path, message: e.to_string() })
+    }
+
+    /// Writes a value as JSON for people, whole or not at all.
+    ///
+    /// # Errors
+    /// Whatever the file system says.
+    pub fn write_json(&self, name: &Path, value: &impl Serialize) -> Result<(), Error> {
+        let text = serde_json::to_vec_pretty(value).map_err(io::Error::from)?;
+        self.write(name, |out| out.write_all(&text))
+    }
+
+    /// Writes a file, whole or not at all; makes the folder that it lies in.
+    ///
+    /// # Errors
+    /// Whatever `fill` and the file system say.
+    pub fn write(
+        &self,
+        name: &Path,
+        fill: impl FnOnce(&mut dyn Write) -> io::Result<()>,
+    ) -> Result<(), Error> {
+        let path = self.prepare(name)?;
+        seal::write(&path, |out| fill(out))
+            .map_err(|source: io::Error| Error::Write { path: path.clone(), source })
     }
 
     /// Locks the run folder against another run of ours, or one share of its photons against

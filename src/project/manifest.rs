@@ -8,6 +8,7 @@ use std::path::{Path, PathBuf};
 use glintmap_formats::seal;
 use serde::{Deserialize, Serialize};
 
+use super::artifacts::MANIFEST;
 use super::error::Error;
 
 /// `run/manifest.json`: for each unit of work the key it was made from, and what it left behind.
@@ -45,7 +46,7 @@ impl Manifest {
     /// # Errors
     /// When it is there and can't be read.
     pub fn read(run: &Path) -> Result<Self, Error> {
-        let path = run.join("manifest.json");
+        let path = run.join(MANIFEST);
         let text = match fs::read(&path) {
             Ok(text) => text,
             Err(e) if e.kind() == io::ErrorKind::NotFound => return Ok(Self::default()),
@@ -59,7 +60,7 @@ impl Manifest {
     /// # Errors
     /// Whatever the file system says.
     pub fn write(&self, run: &Path) -> Result<(), Error> {
-        let path = run.join("manifest.json");
+        let path = run.join(MANIFEST);
         let mut text = serde_json::to_vec_pretty(self).map_err(io::Error::from)?;
         text.push(b'\n');
         seal::write_bytes(&path, &text).map_err(|source| Error::Write { path, source })

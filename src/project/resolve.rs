@@ -90,8 +90,7 @@ pub enum Camera {
 
 /// Points of a region, about, before it is looked up in the scene.
 const POINTS_OF_A_REGION: usize = 500;
-/// The folder of the pictures of luminances.
-pub const MOMENTS: &str = "moments";
+pub use super::artifacts::MOMENTS;
 
 /// A project, checked, with all defaults filled in.
 #[derive(Clone, Debug)]

@@ -11,8 +11,7 @@ use serde::Serialize;
 use crate::render::sensors::Sensor;
 use crate::render::{Gather, View};
 
-/// The set of all observers and regions.
-pub const RECEIVERS: &str = "receivers";
+pub use super::artifacts::RECEIVERS;
 
 /// Photons of a series where nothing is said: as in the paper, 4,000 for 1,280 timesteps, so three
 /// for each of more.

@@ -12,8 +12,6 @@ use super::points::PointSet;
 
 /// Radius of a disc, m; smaller where `max_radius_m` of the view is, or a surface is nearer.
 const GATE_M: f64 = 0.1;
-/// The store of a set's crossings.
-pub const STORE: &str = "air.gmp";
 
 /// Which points of a set stand in free air, and where their crossings lie.
 pub struct InAir {
@@ -66,7 +64,7 @@ impl Crossings {
         cache_bytes: u64,
     ) -> Result<Option<Self>, Error> {
         let Some(air) = InAir::of(set, view) else { return Ok(None) };
-        let path = folder.at(&folder.map(candidate, &view.name, STORE));
+        let path = folder.at(&folder.air(candidate, &view.name));
         let options = OpenOptions { cache_bytes, access: Access::Mapped };
         Ok(Some(Self { air, store: Store::open(&path, &options)? }))
     }

@@ -8,13 +8,18 @@ use serde::{Deserialize, Serialize};
 use super::error::Error;
 use crate::base::{Progress, Timeline};
 use crate::glare::{Kernel, Lengths, SpotGlare, spot};
-use crate::render::eye::hazard::{HazardZone, zone};
+use crate::project::artifacts::EyesFile;
+use crate::project::{Candidate, Results};
+use crate::render::eye::hazard::{self, Hazard, HazardZone, after_image_w_cm2, burn_w_cm2, zone};
 use crate::render::eye::{Eye, EyeInstant, EyeMaterial, EyePv, Seen, SunAt};
 use crate::sky;
 use crate::volume::TimeAxis;
 
 /// Luminances above which time is counted, cd/m2: MIT's and Swissolar's (Table 2 of the paper).
 pub const LUMINANCES_CD_M2: [f64; 2] = [30_000.0, 50_000.0];
+
+/// Age of the observers for the veil, years.
+pub const VEIL_AGE_YEARS: f64 = hazard::AGE_YEARS;
 
 /// `observers.json`
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -112,8 +117,52 @@ impl Measure {
     }
 }
 
+/// The observers' eyes with a material, from their file; nothing where nobody looks.
+///
+/// # Errors
+/// When the file is missing or damaged.
+pub fn read_eyes(results: &Results<'_>, candidate: &Candidate) -> Result<EyeYears, Error> {
+    if results.resolved.project.observer.is_empty() {
+        return Ok(EyeYears::default());
+    }
+    Ok(results.folder.read_json(&results.folder.eyes(&candidate.name, EyesFile::Years))?)
+}
+
+/// Sources of light as the hazard plot of Ho et al. (2011) shows them: angle that the source
+/// subtends, rad, and irradiance on the retina, W/cm2.
+pub struct HazardPlot {
+    /// Each timestep that sends light.
+    pub timesteps: Vec<(f64, f64)>,
+    /// The sun itself, looked at.
+    pub sun: (f64, f64),
+    /// From where on an after-image is possible.
+    pub after_image: Vec<(f64, f64)>,
+    /// From where on a burn is possible.
+    pub burn: Vec<(f64, f64)>,
+}
+
+impl HazardPlot {
+    /// An observer's year. `angles_rad`: where the borders of the zones are asked for.
+    pub fn of(instants: &[EyeInstant], sun_diameter_deg: f64, angles_rad: &[f64]) -> Self {
+        let border = |of: fn(f64) -> f64| angles_rad.iter().map(|&w| (w, of(w))).collect();
+        let at = |hazard: &Hazard| (hazard.subtended_rad, hazard.retinal_w_cm2);
+        let irradiance_w_m2 = 1000.0;
+        let sun = SunAt { direction: DVec3::Z, irradiance_w_m2, diameter_deg: sun_diameter_deg };
+        Self {
+            timesteps: instants
+                .iter()
+                .filter(|i| i.normal_w_m2 > 0.0)
+                .map(|i| at(&i.after_image))
+                .collect(),
+            sun: at(&Hazard::of(irradiance_w_m2, sun.solid_angle_sr())),
+            after_image: border(after_image_w_cm2),
+            burn: border(burn_w_cm2),
+        }
+    }
+}
+
 /// An observer: its name, its eye, at which timesteps glare counts for it.
-pub struct Looker {
+pub struct Observer {
     /// As in the project file.
     pub name: String,
     /// The eye.
@@ -181,7 +230,7 @@ impl EyeYear {
     /// Sums an eye's instants up. The axis has the hours that clocks show, `lengths` are those of
     /// standard time.
     pub fn of(
-        looker: &Looker,
+        observer: &Observer,
         seen: &[Seen],
         (axis, lengths): (&TimeAxis, &Lengths),
         instants: &[EyeInstant],
@@ -200,7 +249,7 @@ impl EyeYear {
         };
         let mut times = Vec::new();
         let mut count = |measure, exceeds: &dyn Fn(&EyeInstant) -> bool| {
-            let exceeded = |t: usize| looker.counts[t] && exceeds(&instants[t]);
+            let exceeded = |t: usize| observer.counts[t] && exceeds(&instants[t]);
             times.push(time(measure, axis, lengths, exceeded));
         };
         for &t in thresholds.irradiances_w_m2 {
@@ -227,14 +276,14 @@ impl EyeYear {
         let values: Vec<f64> = shows.iter().map(|t| thresholds.of(&instants[*t])).collect();
         let filtered = smoothed(&even.segment, &values, thresholds.filter);
         for &threshold in thresholds.irradiances_w_m2 {
-            let exceeded = |i: usize| looker.counts[shows[i]] && filtered[i] > threshold;
+            let exceeded = |i: usize| observer.counts[shows[i]] && filtered[i] > threshold;
             times.push(time(Measure::Filtered(threshold), even, &own, exceeded));
         }
         let exposure = instants.iter().zip(&axis.weight_h).map(|(i, w)| i.surface_w_m2 * w);
         Self {
-            name: looker.name.clone(),
-            point: looker.eye.position.to_array(),
-            direction: looker.eye.direction.to_array(),
+            name: observer.name.clone(),
+            point: observer.eye.position.to_array(),
+            direction: observer.eye.direction.to_array(),
             pv_sr: seen.iter().fold(0.0, |most, s| s.solid_angle_sr.max(most)),
             nearest_m: Some(nearest_m).filter(|m| m.is_finite()),
             exposure_wh_m2: exposure.fold(0.0, |sum, v| sum + v),

@@ -5,11 +5,13 @@ pub mod air;
 pub mod clock;
 mod error;
 pub mod eyes;
+pub mod metrics;
 pub mod mirror;
 pub mod points;
 pub mod probe;
 pub mod received;
 pub mod sweep;
+pub mod tables;
 mod year;
 
 pub use clock::Clock;

@@ -7,14 +7,10 @@ use serde::{Deserialize, Serialize};
 
 use super::error::Error;
 use crate::base::limits;
-use crate::project;
-use crate::project::{Folder, Key};
-use crate::project::{ObserverTable, RegionTable};
-use crate::project::{PlannedView, Resolved};
-use crate::render::PvInView;
+use crate::project::{Folder, Key, ObserverTable, PlannedView, RegionTable, Resolved};
 use crate::render::samples::{Sample, sample_objects, sample_polygon};
 use crate::render::sensors::{Footing, Sensor, place};
-use crate::render::{HitMap, View};
+use crate::render::{HitMap, PvInView, View};
 use crate::site::{Coordinates, Site, local_from_map};
 
 /// Distance between the points of a region where it says nothing, m.
@@ -387,12 +383,11 @@ pub fn holds(polygon: &[[f64; 2]], x: f64, y: f64) -> bool {
     }
     odd
 }
+
 /// The groups of a set, from their file.
+///
+/// # Errors
+/// When the file is missing or damaged.
 pub fn read_points(folder: &Folder, set: &PlannedView) -> Result<PointSet, Error> {
-    let path = folder.at(&folder.points(&set.name));
-    let text = std::fs::read(&path)
-        .map_err(|source| project::Error::Read { path: path.clone(), source })?;
-    let set = serde_json::from_slice(&text)
-        .map_err(|e| project::Error::Manifest { path, message: e.to_string() })?;
-    Ok(set)
+    Ok(folder.read_json(&folder.points(&set.name))?)
 }

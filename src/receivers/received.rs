@@ -3,14 +3,17 @@
 use std::collections::BTreeMap;
 
 use super::air::Crossings;
+use super::clock::Clock;
 use super::error::Error;
 use super::points::Group;
+use crate::base::Timeline;
 use crate::base::limits::TILE_EDGE;
 use crate::glare::{Lengths, Run, SpotGlare, margins, runs, spot};
 use crate::pages::{Neighbours, Query, Store};
-use crate::render::HitMap;
-use crate::render::PvInView;
+use crate::project::{Candidate, PlannedView, Results};
 use crate::render::sensors::Footing;
+use crate::render::{HitMap, PvInView};
+use crate::rules::Class;
 use crate::volume::{TimeAxis, Volume};
 
 pub use super::year::{AtThreshold, Banded, Episode, GroupReceived, Received};
@@ -46,39 +49,87 @@ pub struct Reading {
     pub surface: Vec<Option<(u16, f64)>>,
 }
 
-/// What a group's reading needs.
-pub struct Reader<'a> {
-    /// Of the set.
+/// What was rendered at the points of a set.
+pub struct Rendered<'a> {
+    /// What they see.
     pub hits: &'a HitMap,
-    /// Of the set.
+    /// Their series.
     pub volume: &'a Volume,
-    /// Of the volume.
-    pub axis: &'a TimeAxis,
-    /// The same, its hours those that clocks show.
-    pub civil: &'a TimeAxis,
-    /// How long its timesteps last.
-    pub lengths: Lengths,
-    /// Of the material; none where nothing was made of photons.
-    pub store: Option<&'a Store>,
-    /// Of its points in free air, where they were counted there.
-    pub air: Option<&'a Crossings>,
     /// Whether the series has no noise.
     pub exact: bool,
-    /// Names of the PV surfaces.
-    pub surfaces: &'a [String],
-    /// Photons of the series' search.
-    pub bandwidth: usize,
-    /// Its largest radius, m.
-    pub max_radius_m: f32,
-    /// W/m2.
-    pub thresholds: &'a [f64],
     /// Radiant exposure of each point, Wh/m2.
     pub annual: &'a [f32],
     /// For each threshold hours of the year and longest run after the filter in time, h, of each
     /// point.
     pub filtered: &'a [[Vec<f32>; 2]],
-    /// At which timesteps glare counts: terraces and gardens are used from 6 to 22 h.
+}
+
+/// The photons that a series was made from.
+pub struct SeriesPhotons<'a> {
+    /// Of the material; none where nothing was made of photons.
+    pub store: Option<&'a Store>,
+    /// Of the points in free air, where they were counted there.
+    pub air: Option<&'a Crossings>,
+    /// How many a search takes.
+    pub bandwidth: usize,
+    /// Its largest radius, m.
+    pub max_radius_m: f32,
+}
+
+/// The timesteps of a series.
+pub struct Calendar {
+    /// As they are.
+    pub axis: TimeAxis,
+    /// Their hours those that clocks show.
+    pub civil: TimeAxis,
+    /// How long they last.
+    pub lengths: Lengths,
+}
+
+impl Calendar {
+    /// The timesteps of a run, by a clock.
+    ///
+    /// # Errors
+    /// Timesteps that make no calendar.
+    pub fn of(timeline: &Timeline, clock: &Clock) -> Result<Self, Error> {
+        let axis = TimeAxis::from(timeline);
+        let civil = TimeAxis { hour: clock.hours(&axis), ..axis.clone() };
+        Ok(Self { lengths: Lengths::of(&axis)?, civil, axis })
+    }
+
+    /// At which timesteps glare counts for receivers of a class.
+    pub fn counts(&self, class: Option<Class>, clock: &Clock) -> Vec<bool> {
+        let at = |t: usize| {
+            let hour = clock.civil_hour(self.axis.day[t], self.axis.hour[t]);
+            class.is_none_or(|class| class.counts_at(hour))
+        };
+        (0..self.axis.day.len()).map(at).collect()
+    }
+}
+
+/// Reads what arrives at the groups of a set.
+pub struct Reader<'a> {
+    pub rendered: Rendered<'a>,
+    pub photons: SeriesPhotons<'a>,
+    pub calendar: &'a Calendar,
+    /// Names of the PV surfaces.
+    pub surfaces: &'a [String],
+    /// W/m2.
+    pub thresholds: &'a [f64],
+    /// At which timesteps glare counts.
     pub counts: Vec<bool>,
+}
+
+/// What arrives at the groups of a set, from their file.
+///
+/// # Errors
+/// When the file is missing or damaged.
+pub fn read_received(
+    results: &Results<'_>,
+    candidate: &Candidate,
+    set: &PlannedView,
+) -> Result<Received, Error> {
+    Ok(results.folder.read_json(&results.folder.received(&candidate.name, &set.name))?)
 }
 
 impl Reader<'_> {
@@ -87,7 +138,7 @@ impl Reader<'_> {
     /// # Errors
     /// When the series or the photon store can't be read.
     pub fn read(&self, group: &Group) -> Result<Reading, Error> {
-        let steps = self.axis.day.len();
+        let steps = self.calendar.axis.day.len();
         let mut strongest = vec![0.0f32; steps];
         let mut points: Vec<Option<PointReceived>> = vec![None; group.points()];
         self.series(group, |point, series| {
@@ -108,13 +159,13 @@ impl Reader<'_> {
         out.surfaces = total.iter().map(|(s, f)| (name(*s), f / flux)).collect();
         let surface: Vec<_> = (0..steps).map(|t| by_step.get(&t).and_then(main)).collect();
         for (i, at) in out.thresholds.iter_mut().enumerate() {
-            if !self.exact {
+            if !self.rendered.exact {
                 self.bands(group, &points, i, at)?;
             }
             let threshold = at.threshold_w_m2 as f32;
             let dazzles = |t: usize| self.counts[t] && strongest[t] > threshold;
-            at.anywhere = spot(self.civil, &self.lengths, dazzles);
-            let mut all = runs(self.axis, dazzles);
+            at.anywhere = spot(&self.calendar.civil, &self.calendar.lengths, dazzles);
+            let mut all = runs(&self.calendar.axis, dazzles);
             all.sort_by_key(|r| (std::cmp::Reverse(r.last - r.first), r.first));
             all.truncate(EPISODES);
             at.episodes = all.iter().map(|run| episode(run, &strongest, &by_step, name)).collect();
@@ -131,12 +182,12 @@ impl Reader<'_> {
     ) -> Result<(), Error> {
         let end = group.first + group.points();
         let mut tile = group.first / TILE_EDGE;
-        let steps = self.axis.day.len();
+        let steps = self.calendar.axis.day.len();
         while tile * TILE_EDGE < end {
             let first = group.first.max(tile * TILE_EDGE);
             let last = end.min((tile + 1) * TILE_EDGE);
             let mut all = vec![vec![0.0f32; steps]; last - first];
-            self.volume.read_tile(tile, |from, numbers| {
+            self.rendered.volume.read_tile(tile, |from, numbers| {
                 let slices = numbers.chunks_exact(TILE_EDGE * TILE_EDGE);
                 for (t, slice) in (from..steps).zip(slices) {
                     for (series, column) in all.iter_mut().zip(first % TILE_EDGE..) {
@@ -162,11 +213,13 @@ impl Reader<'_> {
             .fold((0.0f32, 0), |most, (t, v)| if *v > most.0 { (*v, t) } else { most });
         let glare = |threshold: &f64| {
             let threshold = *threshold as f32;
-            spot(self.civil, &self.lengths, |t| self.counts[t] && series[t] > threshold)
+            spot(&self.calendar.civil, &self.calendar.lengths, |t| {
+                self.counts[t] && series[t] > threshold
+            })
         };
         Ok(PointReceived {
             peak,
-            margins: margins(self.axis, &self.lengths, series)?,
+            margins: margins(&self.calendar.axis, &self.calendar.lengths, series)?,
             glare: self.thresholds.iter().map(glare).collect(),
         })
     }
@@ -185,7 +238,7 @@ impl Reader<'_> {
         let area = |i: usize| group.area_m2[i];
         let area_m2 = known().fold(0.0, |sum, (i, _)| sum + area(i));
         let weight = |i: usize| if area_m2 > 0.0 { area(i) / area_m2 } else { 1.0 / whole as f64 };
-        let annual = |i: usize| f64::from(self.annual[group.first + i]);
+        let annual = |i: usize| f64::from(self.rendered.annual[group.first + i]);
         let most = |of: &dyn Fn(&PointReceived) -> f32| {
             known().map(|(_, p)| f64::from(of(p))).fold(0.0, f64::max)
         };
@@ -207,7 +260,7 @@ impl Reader<'_> {
                 if g.longest_day_h > a.0 { (g.longest_day_h, g.longest_day) } else { a }
             });
             let filtered = |map: usize| {
-                let all = &self.filtered[k][map];
+                let all = &self.rendered.filtered[k][map];
                 known().map(|(i, _)| f64::from(all[group.first + i])).fold(0.0, f64::max)
             };
             AtThreshold {
@@ -248,15 +301,12 @@ impl Reader<'_> {
     /// Calls `each` with timestep, flux and PV surface of the photons that a point's series was
     /// made from.
     fn photons(&self, number: usize, mut each: impl FnMut(u32, f32, u16)) -> Result<(), Error> {
-        let hit = &self.hits.hits[number];
-        match (self.store, self.air) {
+        let hit = &self.rendered.hits.hits[number];
+        let SeriesPhotons { store, air, bandwidth, max_radius_m } = self.photons;
+        match (store, air) {
             (Some(store), _) if hit.kind.receives() => {
-                let query = Query {
-                    point: hit.position,
-                    normal: hit.normal,
-                    count: self.bandwidth,
-                    max_radius_m: self.max_radius_m,
-                };
+                let (point, normal) = (hit.position, hit.normal);
+                let query = Query { point, normal, count: bandwidth, max_radius_m };
                 let mut found = Neighbours::default();
                 store.nearest(&query, &mut found)?;
                 found.items().iter().for_each(|p| each(p.timestep, p.flux_w, p.surface));
@@ -275,7 +325,7 @@ impl Reader<'_> {
         group: &Group,
         points: &[Option<PointReceived>],
     ) -> Result<(BTreeMap<usize, BTreeMap<u16, f64>>, BTreeMap<u16, f64>), Error> {
-        let annual = |i: usize| self.annual[group.first + i];
+        let annual = |i: usize| self.rendered.annual[group.first + i];
         let mut order: Vec<usize> =
             (0..points.len()).filter(|i| points[*i].is_some() && annual(*i) > 0.0).collect();
         order.sort_by(|a, b| annual(*b).total_cmp(&annual(*a)).then(a.cmp(b)));
@@ -350,7 +400,7 @@ impl Reader<'_> {
         self.photons(group.first + point, |timestep, _, _| {
             *counts.entry(timestep as usize).or_insert(0.0) += 1.0;
         })?;
-        let series = self.volume.pixel(group.first + point, 0)?;
+        let series = self.rendered.volume.pixel(group.first + point, 0)?;
         let photons: f64 = counts.values().sum();
         let sum: f64 = series.iter().map(|v| f64::from(*v)).sum();
         let per_photon = if photons > 0.0 { sum / photons } else { 0.0 };
@@ -366,7 +416,8 @@ impl Reader<'_> {
             }
         };
         let dazzles = |t: usize, by: f64| self.counts[t] && moved(t, by) > threshold;
-        Ok([-BAND, BAND].map(|by| spot(self.civil, &self.lengths, |t| dazzles(t, by))))
+        Ok([-BAND, BAND]
+            .map(|by| spot(&self.calendar.civil, &self.calendar.lengths, |t| dazzles(t, by))))
     }
 }
 

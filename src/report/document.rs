@@ -1,3 +1,7 @@
+//! A page as data, and as HTML.
+
+use std::path::Path;
+
 use maud::{DOCTYPE, Markup, PreEscaped, html as markup};
 
 /// A page: what it is about, its tables and its pictures.
@@ -86,6 +90,11 @@ pub struct Figure {
     pub caption: String,
 }
 
+/// How the page names a file of the run.
+pub fn link(name: &Path) -> String {
+    name.to_string_lossy().replace('\\', "/")
+}
+
 const STYLE: &str = "
 :root { color-scheme: light; }
 body { font: 16px/1.5 system-ui, sans-serif; color: #222; max-width: 70rem; margin: 2rem auto; padding: 0 1rem; }
@@ -119,7 +128,7 @@ pub fn html(document: &Document) -> String {
                 h1 { (document.title) }
                 p class="subtitle" { (document.subtitle) }
                 @if document.draft {
-                    p class="draft" { "Draft, not for assessment: too few photons for durations (what is integrated has none, and is not concerned)." }
+                    p class="draft" { "Draft, not for assessment: there are too few photons for durations. Values that are integrated use no photons and are not affected." }
                 }
                 @for section in &document.sections { (part(section, 2)) }
                 footer { (document.provenance) }

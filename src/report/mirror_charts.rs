@@ -133,9 +133,10 @@ impl Mirrored {
         let all: Vec<&MirroredAt> = self.all().collect();
         for (i, at) in all.iter().enumerate() {
             let stem = path.file_stem().unwrap_or_default().to_string_lossy();
+            let end = path.extension().unwrap_or("png".as_ref()).to_string_lossy();
             let path = match all.len() {
                 1 => path.to_owned(),
-                _ => path.with_file_name(format!("{stem}-{}.png", i + 1)),
+                _ => path.with_file_name(format!("{stem}-{}.{end}", i + 1)),
             };
             self.chart(resolved, at).write_png(&path, &texts)?;
         }

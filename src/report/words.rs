@@ -1,21 +1,5 @@
 //! Numbers and names as people say them.
 
-/// The months, January first.
-pub const MONTHS: [&str; 12] = [
-    "January",
-    "February",
-    "March",
-    "April",
-    "May",
-    "June",
-    "July",
-    "August",
-    "September",
-    "October",
-    "November",
-    "December",
-];
-
 /// `24 min`, `1 h 15 min`.
 pub fn minutes(minutes: f64) -> String {
     let whole = minutes.round().max(0.0) as u64;

@@ -85,6 +85,17 @@ pub enum Class {
     Plot,
 }
 
+impl Class {
+    /// Clock times at which terraces and gardens are used, h.
+    const WAKING_H: [f64; 2] = [6.0, 22.0];
+
+    /// Whether glare counts at a clock time, h: outdoors only when people are up.
+    pub fn counts_at(self, civil_hour: f64) -> bool {
+        let [from, to] = Self::WAKING_H;
+        self != Self::Outdoor || (from..=to).contains(&civil_hour)
+    }
+}
+
 /// What a limit is about.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]

@@ -12,12 +12,12 @@ use super::disk::{lies_inside, remove};
 use super::error::Error;
 use super::log::Log;
 use super::stage::{Options, Stage};
-use super::stages::Judgement;
 use super::units::{HandedOn, Unit, units};
 use crate::base::{Finding, Progress, Provenance, Severity, Timeline};
 use crate::pages::CacheStats;
 use crate::project::{Folder, Manifest, Resolved};
 use crate::render::PvSight;
+use crate::report::Judgement;
 use crate::site::Site;
 
 /// What a run did.

@@ -13,6 +13,7 @@ use super::error::Error;
 use super::stage::Options;
 use crate::base::{Interrupted, Progress, Provenance};
 use crate::project::Folder;
+use crate::project::artifacts::LOG;
 
 /// The log of one command: one JSON object a line in `run/log/run.jsonl`.
 #[derive(Clone)]
@@ -78,7 +79,7 @@ impl Log {
         line["at"] = jiff::Timestamp::now().to_string().into();
         line["since_start_s"] = self.began.elapsed().as_secs_f64().into();
         line["threads"] = rayon::current_num_threads().into();
-        let path = self.folder.prepare(std::path::Path::new("log/run.jsonl"))?;
+        let path = self.folder.prepare(LOG.as_ref())?;
         let write = || -> std::io::Result<()> {
             let mut file = OpenOptions::new().create(true).append(true).open(&path)?;
             writeln!(file, "{line}")

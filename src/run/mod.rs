@@ -25,6 +25,5 @@ pub use job::Summary;
 pub use runner::run;
 pub use site_plan::draw_site;
 pub use stage::{Options, Stage};
-pub use stages::Judgement;
 pub use units::{HandedOn, OfView, Unit, Work, units};
 pub use verify::verify;

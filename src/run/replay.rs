@@ -1,7 +1,5 @@
 //! One photon of a run, sent once more.
 
-use std::fs;
-
 use serde::Serialize;
 
 use super::error::Error;
@@ -59,9 +57,7 @@ pub fn replay(resolved: &Resolved, material: Option<&str>, number: u64) -> Resul
             stage: "trace",
         });
     }
-    let text = fs::read(&path).map_err(|source| Error::Read { path: path.clone(), source })?;
-    let traced: Traced = serde_json::from_slice(&text)
-        .map_err(|e| Error::Manifest { path, message: e.to_string() })?;
+    let traced: Traced = folder.read_json(&folder.tally(&candidate.name))?;
     let timeline = sky::timeline(&resolved.place, &resolved.times)?;
     let site = Site::load(&resolved.scene, &resolved.pv)?;
     let emission = Emission {

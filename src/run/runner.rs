@@ -11,6 +11,7 @@ use super::stages;
 use super::units::{Unit, Work};
 use crate::base::Progress;
 use crate::project::{Folder, Resolved};
+use crate::report::judgements;
 
 /// Runs a project's stages up to `options.until`.
 ///
@@ -30,7 +31,7 @@ pub fn run(
     job.log.end(outcome.as_ref().err())?;
     outcome?;
     if options.until == Stage::Report {
-        job.summary.verdicts = stages::read_judgements(&job)?;
+        job.summary.verdicts = judgements::read(&job.folder)?;
     }
     Ok(job.summary)
 }

@@ -9,7 +9,7 @@ use super::error::Error;
 use crate::base::Grid;
 use crate::picture::figure::{Marker, Polyline};
 use crate::picture::{Figure, Scale};
-use crate::project::PLAN_FILE;
+use crate::project::artifacts::SITE_PLAN;
 use crate::site::check::Summary;
 use crate::site::{Site, tilt_deg};
 
@@ -99,7 +99,7 @@ pub fn draw_site(
         let (points, label) = (points.collect(), "100 m".to_owned());
         figure.polylines.push(Polyline { points, color: CIRCLE, width: 1.0, label });
     }
-    let path = folder.join(PLAN_FILE);
+    let path = folder.join(SITE_PLAN);
     figure.write_png(&path, &[])?;
     Ok(path)
 }

@@ -19,12 +19,8 @@ use super::error::Error;
 use super::stage::Stage;
 use crate::project::keys::Keys;
 use crate::project::{
-    Candidate, Folder, PhotonGather, Picture, PlannedView, Points, Resolved, Target,
+    Candidate, Folder, PhotonGather, Picture, PlannedView, Points, Resolved, SeriesOf, Target,
 };
-use crate::receivers::air::STORE;
-
-/// Where crossings of discs in free air wait to be sorted.
-pub(super) const AIR_SPILL: &str = "air-spill";
 
 /// What makes a unit, with what it is made for.
 #[derive(Clone, Copy, Debug)]
@@ -153,19 +149,20 @@ impl Work<'_> {
     }
 
     fn drafts(&self, folder: &Folder) -> Vec<PathBuf> {
-        let map = |of: &OfView<'_>, file: &str| folder.map(&of.candidate.name, &of.view.name, file);
         match self {
             Self::Trace(c) => vec![folder.spill(&c.name)],
             Self::Pages(c) => vec![seal::growing(&folder.store(&c.name))],
-            Self::Air(of, _) => vec![map(of, AIR_SPILL), seal::growing(&map(of, STORE))],
-            Self::Series(of, _) | Self::Integrate(of) => {
-                let stems = ["series", "series_surface", "series_normal"];
-                let files = |extension: &'static str| {
-                    stems.map(|stem| map(of, &format!("{stem}.{extension}")))
-                };
-                let mut drafts = [files("zarr"), files("notes")].concat();
-                drafts.push(folder.waiting_tiles(&of.candidate.name, &of.view.name));
-                drafts
+            Self::Air(OfView { candidate: c, view: v }, _) => {
+                let store = folder.air(&c.name, &v.name);
+                vec![folder.air_spill(&c.name, &v.name), seal::growing(&store)]
+            }
+            Self::Series(OfView { candidate: c, view: v }, _)
+            | Self::Integrate(OfView { candidate: c, view: v }) => {
+                let all = SeriesOf::all();
+                let series = all.iter().map(|of| folder.series_of(&c.name, &v.name, *of));
+                let notes = all.iter().map(|of| folder.tile_notes(&c.name, &v.name, *of));
+                let waiting = folder.waiting_tiles(&c.name, &v.name);
+                series.chain(notes).chain([waiting]).collect()
             }
             _ => Vec::new(),
         }

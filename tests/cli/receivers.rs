@@ -174,13 +174,13 @@ fn all_rules_stand_in_a_line(report: &str, verdicts: &Value, receiver: &str) {
     let found = verdicts.as_array().expect("a list").iter().find(of).expect("a verdict");
     let limits = found["verdict"]["limits"].as_array().expect("limits");
     let word = match found["verdict"]["outcome"].as_str() {
-        _ if limits.iter().any(|l| l["certain"] == false) => "undecided",
-        Some("kept") => "within",
-        Some("exceeded") => "above",
+        _ if limits.iter().any(|l| l["certain"] == false) => "Not certain within the noise",
+        Some("kept") => "Kept",
+        Some("exceeded") => "Exceeded",
         other => panic!("{other:?}"),
     };
-    let expected = format!(": {word} {}.", found["rule"].as_str().expect("an id"));
-    let lines: Vec<&str> = report.split(" in the year").collect();
+    let expected = format!(" {word}: {}.", found["rule"].as_str().expect("an id"));
+    let lines: Vec<&str> = report.split(" in the year.").collect();
     assert!(lines[1..].iter().any(|rest| rest.starts_with(&expected)), "{expected}");
 }
 
@@ -328,13 +328,19 @@ fn a_rule_of_ones_own_decides_the_exit_code() {
     rule(1.0);
     let said = say(&fail_on("mine"));
     assert_eq!(said.code, 4, "{}", said.err);
-    assert!(said.err.contains("The wall, standard: Above mine"), "{}", said.err);
+    assert!(
+        said.err.contains(
+            "The wall, standard: Rule mine is exceeded. The limit of 1 h of glare a year"
+        ),
+        "{}",
+        said.err
+    );
     // Today's tile roof is no reason to fail, nor is a rule that can't be evaluated.
     assert!(!said.err.contains("tile"), "{}", said.err);
     assert_eq!(say(&fail_on("sandia-hazard")).code, 0);
     rule(1000.0);
     let said = succeed(&fail_on("mine"));
-    assert!(said.out.contains("The wall, standard: Within mine."), "{}", said.out);
+    assert!(said.out.contains("The wall, standard: Rule mine is kept."), "{}", said.out);
     let unknown = say(&fail_on("theirs"));
     assert_eq!(unknown.code, 2);
     assert!(unknown.err.contains("mine, sandia-hazard"), "{}", unknown.err);

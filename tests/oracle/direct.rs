@@ -1,12 +1,13 @@
 //! Direct integration against Radiance's rtrace on the case study.
 
+use std::f64::consts::PI;
 use std::io::Write;
 use std::path::Path;
 use std::process::{Command, Stdio};
 
 use glam::DVec3;
 use glintmap::base::Silent;
-use glintmap::bsdf::Bsdf;
+use glintmap::bsdf::Term;
 use glintmap::project::Resolved;
 use glintmap::render::{Direct, DirectScene, DirectScratch, DirectYear, PvSight};
 use glintmap::site::Site;
@@ -38,8 +39,12 @@ fn rtrace_finds_the_same_irradiance_at_chosen_spots_and_suns() {
     let mut own = Vec::new();
     for name in ["standard", "satinated"] {
         let candidate = resolved.candidates.iter().find(|c| c.name == name).expect("there");
-        let Bsdf::PvGlass(glass) = &candidate.bsdfs[0] else { panic!("{name} is a model") };
-        let (index, alpha, diffuse) = glass.parts();
+        let terms = candidate.bsdfs[0].terms();
+        let [(_, Term::Lobe(term))] = &terms[..] else { panic!("{name} is glass") };
+        let (alpha, diffuse) = (term.alpha().expect("is rough"), term.ground_per_sr() * PI);
+        // Fresnel's reflectance at the normal is ((n - 1) / (n + 1))^2.
+        let root = term.reflectance(1.0).sqrt();
+        let index = (1.0 + root) / (1.0 - root);
         let scene = DirectScene {
             site: &site,
             timeline: &timeline,

@@ -15,13 +15,13 @@ pub fn file(structure: &str, bases: &str, numbers: &str) -> String {
     )
 }
 
-fn measured(text: &str) -> Bsdf {
+pub fn measured(text: &str) -> Bsdf {
     let file = BsdfFile::parse(text, "test.xml").expect("a good file");
     Bsdf::Measured(file.reflection(Side::Front, None).expect("has it"))
 }
 
 /// Klems: a lobe about the mirror direction over an uneven ground.
-fn klems(name: &str, separator: &str) -> String {
+pub fn klems(name: &str, separator: &str) -> String {
     let basis = KlemsBasis::known(name).unwrap();
     let n = basis.len();
     let mut random = Stream::new(5, Purpose::Survey, 1);
@@ -56,7 +56,7 @@ fn tree(rank: u32, depth: u32, random: &mut Stream, out: &mut String) {
     out.push('}');
 }
 
-fn tensor(rank: u32) -> String {
+pub fn tensor(rank: u32) -> String {
     let mut numbers = String::new();
     tree(rank, 4, &mut Stream::new(11, Purpose::Survey, u64::from(rank)), &mut numbers);
     let structure = format!("TensorTree{rank}");

@@ -10,6 +10,7 @@ mod case_study_photons;
 mod closed_maps;
 mod direct;
 mod direct_borders;
+mod measured_pv;
 pub mod render;
 mod seasons;
 mod seeds;

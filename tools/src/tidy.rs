@@ -3,6 +3,7 @@
 //! - the table of rooms and wings in [`rooms`]: who may use whom, also through re-exports;
 //! - no circles of files that import each other, but those that [`rooms`] lists by name;
 //! - the home of each outside crate;
+//! - the files of a run and their channels are named in one file;
 //! - every format module has its page;
 //! - files above 150 lines begin with an essay (`//!`);
 //! - files above 500 lines, as a warning.
@@ -17,7 +18,7 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, bail};
 use house::House;
-use rooms::{CIRCLES, HOMES};
+use rooms::{ARTIFACTS, CIRCLES, ENDINGS, HOMES};
 
 /// Above so many lines a file begins with a word about its problem and its idea.
 const SPEAKING: usize = 150;
@@ -112,13 +113,14 @@ fn check_length(name: &str, text: &str, findings: &mut Findings) {
     }
 }
 
-/// Outside crates are named at home only; `formats` names nothing of ours.
+/// Outside crates and the files of a run are named at home only; `formats` names nothing of ours.
 fn check_homes(name: &str, text: &str, findings: &mut Findings) -> Result<()> {
     if name.starts_with("tests/") {
         return Ok(());
     }
     let below = name.split_once("src/").map_or(name, |(_, below)| below);
     let source = imports::read(below, text).with_context(|| name.to_owned())?;
+    check_artifacts(name, &source, findings);
     for named in source.named.iter().filter(|n| !n.ours) {
         let krate = named.path[0].as_str();
         let at = format!("{name}:{}", named.line);
@@ -131,6 +133,24 @@ fn check_homes(name: &str, text: &str, findings: &mut Findings) -> Result<()> {
         }
     }
     Ok(())
+}
+
+/// The names of files of a run stand in one file: what one room writes another one reads.
+fn check_artifacts(name: &str, source: &imports::Source, findings: &mut Findings) {
+    let Some(below) = name.strip_prefix("src/") else { return };
+    let (rooms, home) = ARTIFACTS;
+    let knows = rooms.iter().any(|room| below.split('/').next() == Some(room));
+    if !knows || below.starts_with(home) || house::is_for_tests(below) {
+        return;
+    }
+    for (text, line) in &source.strings {
+        if ENDINGS.iter().any(|ending| text.ends_with(ending)) {
+            findings.broken.push(format!(
+                "{name}:{line}: \"{text}\" names a file of a run or a channel of one: that belongs \
+                 into src/{home}"
+            ));
+        }
+    }
 }
 
 /// Circles are refused unless they are listed; what is listed and is none any more goes.
@@ -198,6 +218,22 @@ mod tests {
         let ours = "use crate::picture::exr;\nfn f() { exr::write(); }\n";
         assert_eq!(strangers("src/run/x.rs", ours), 0);
         assert_eq!(strangers("src/run/x.rs", "fn f() { exr::write(); }\n"), 1);
+    }
+
+    #[test]
+    fn files_of_a_run_are_named_in_one_place() {
+        let file = "fn f() { open(\"events.csv\"); }\n";
+        let channel = "fn f() { format!(\"{map}.h\"); }\n";
+        assert_eq!(
+            [strangers("src/run/x.rs", file), strangers("src/report/x.rs", channel)],
+            [1, 1]
+        );
+        assert_eq!(strangers("src/project/artifacts.rs", file), 0);
+        // Names that users give, and those inside of a format.
+        assert_eq!(strangers("src/cli/x.rs", file) + strangers("src/volume/x.rs", file), 0);
+        let told = "/// \"horizon.csv\"\n#[doc = \"a.csv\"]\nfn f() { say(\"threshold_w_m2\"); }\n";
+        let test = format!("#[cfg(test)]\nmod tests {{ {file} }}\n");
+        assert_eq!(strangers("src/run/x.rs", told) + strangers("src/run/x.rs", &test), 0);
     }
 
     #[test]

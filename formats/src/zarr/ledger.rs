@@ -47,11 +47,7 @@ impl Record {
 
     /// The record that some bytes hold; `None` where its checksum doesn't hold.
     pub fn from_bytes(bytes: &[u8; RECORD_BYTES]) -> Option<Self> {
-        let word = |at: usize| {
-            let mut own = [0u8; 4];
-            own.copy_from_slice(&bytes[at..at + 4]);
-            u32::from_le_bytes(own)
-        };
+        let word = |at: usize| u32::from_le_bytes(std::array::from_fn(|k| bytes[at + k]));
         let long = |at: usize| u64::from(word(at)) | u64::from(word(at + 4)) << 32;
         (word(28) == crc32c(&bytes[..28])).then(|| Self {
             tile: word(0),

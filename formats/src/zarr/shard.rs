@@ -142,12 +142,8 @@ pub fn read_entries(
 }
 
 fn parse(bytes: &[u8]) -> Option<Entry> {
-    let number = |part: &[u8]| {
-        let mut own = [0u8; 8];
-        own.copy_from_slice(part);
-        u64::from_le_bytes(own)
-    };
-    let entry = Entry { offset: number(&bytes[..8]), bytes: number(&bytes[8..16]) };
+    let number = |at: usize| u64::from_le_bytes(std::array::from_fn(|k| bytes[at + k]));
+    let entry = Entry { offset: number(0), bytes: number(8) };
     (entry.offset != EMPTY || entry.bytes != EMPTY).then_some(entry)
 }
 

@@ -25,9 +25,7 @@ impl Record for Event {
     }
 
     fn get(bytes: &[u8]) -> Self {
-        let small = |i: usize| {
-            bytes[i * 4..i * 4 + 4].iter().rev().fold(0, |n: u32, b| n << 8 | u32::from(*b))
-        };
+        let small = |i: usize| u32::from_le_bytes(std::array::from_fn(|k| bytes[4 * i + k]));
         let large = |i: usize| u64::from(small(i + 1)) << 32 | u64::from(small(i));
         Self {
             first: small(0),

@@ -18,4 +18,4 @@ pub(in crate::glare) mod track;
 
 pub use event::Event;
 pub use list::Events;
-pub use sheet::write_events;
+pub use sheet::{EventRow, EventTimes, ListedEvent, write_events};

@@ -36,8 +36,7 @@ impl Record for Count {
     }
 
     fn get(bytes: &[u8]) -> Self {
-        let number =
-            |at: usize| bytes[at..at + 4].iter().rev().fold(0, |n, b| n << 8 | u32::from(*b));
+        let number = |at: usize| u32::from_le_bytes(std::array::from_fn(|k| bytes[at + k]));
         Self { pixel: number(0), serial: number(4), count: number(8) }
     }
 

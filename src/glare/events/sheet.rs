@@ -1,13 +1,102 @@
+//! The table of events: its columns, written and read.
+
 use std::io::{self, Write};
 
+use serde::{Deserialize, Serialize};
+
+use super::event::Event;
 use super::list::Events;
+use crate::base::table::{Table, fixed, shortest};
 use crate::volume::TimeAxis;
 
-/// Writes events as CSV, one a row, in their order. Indices count from 0, `last` is
-/// inclusive, the peak comes from the filtered volume; rows and columns of peak and centroid are
-/// pixels. Where the time axis is known, day of year (0 is 1 January) and hour (local standard
-/// time) of the first and last timestep follow, and how long the event lasts: first to last
-/// timestep, both included.
+/// What an analysis knows of an event. Indices count from 0, `last` is inclusive, the peak comes
+/// from the filtered volume; rows and columns of peak and centroid are pixels.
+#[derive(Clone, Debug, Default, Serialize)]
+pub struct EventRow {
+    first: u32,
+    last: u32,
+    voxels: u64,
+    pixels: u64,
+    #[serde(serialize_with = "shortest")]
+    peak_w_m2: f32,
+    peak_timestep: u32,
+    peak_row: u32,
+    peak_column: u32,
+    #[serde(serialize_with = "fixed::<3, _, _>")]
+    centroid_row: f64,
+    #[serde(serialize_with = "fixed::<3, _, _>")]
+    centroid_column: f64,
+    smallest_voxel: u64,
+}
+
+impl From<&Event> for EventRow {
+    fn from(e: &Event) -> Self {
+        Self {
+            first: e.first,
+            last: e.last,
+            voxels: e.voxels,
+            pixels: e.pixels,
+            peak_w_m2: e.peak_w_m2,
+            peak_timestep: e.peak_timestep,
+            peak_row: e.peak_row,
+            peak_column: e.peak_column,
+            centroid_row: e.centroid_row,
+            centroid_column: e.centroid_column,
+            smallest_voxel: e.smallest_voxel,
+        }
+    }
+}
+
+/// Day of year (0 is 1 January) and hour (local standard time) of an event's first and last
+/// timestep, and how long it lasts: first to last timestep, both included.
+#[derive(Clone, Debug, Default, Serialize)]
+pub struct EventTimes {
+    first_day: u32,
+    #[serde(serialize_with = "fixed::<4, _, _>")]
+    first_hour: f64,
+    last_day: u32,
+    #[serde(serialize_with = "fixed::<4, _, _>")]
+    last_hour: f64,
+    #[serde(serialize_with = "fixed::<4, _, _>")]
+    duration_h: f64,
+}
+
+impl EventTimes {
+    /// The times of an event of this axis.
+    pub fn of(event: &Event, axis: &TimeAxis) -> Self {
+        let (first, last) = (event.first as usize, event.last as usize);
+        let hour = |at: usize| axis.hour.get(at).copied().unwrap_or_default();
+        let day = |at: usize| axis.day.get(at).copied().unwrap_or_default();
+        Self {
+            first_day: day(first),
+            first_hour: hour(first),
+            last_day: day(last),
+            last_hour: hour(last),
+            duration_h: f64::from(event.last - event.first + 1) * axis.step_h,
+        }
+    }
+}
+
+/// What a reader of a run's table of events needs of one.
+#[derive(Clone, Debug, Deserialize)]
+pub struct ListedEvent {
+    /// First timestep.
+    pub first: usize,
+    /// Last timestep, inclusive.
+    pub last: usize,
+    /// How many pixels it touches.
+    pub pixels: u64,
+    /// Its highest irradiance, W/m2.
+    pub peak_w_m2: f64,
+    /// How long it lasts, h.
+    pub duration_h: f64,
+    /// When it begins, by the clock.
+    pub first_at: String,
+    /// Its last timestep, by the clock.
+    pub last_at: String,
+}
+
+/// Writes events as CSV, one a row, in their order; with their times where the time axis is known.
 ///
 /// # Errors
 /// Whatever `out` says.
@@ -16,43 +105,22 @@ pub fn write_events(
     events: &Events,
     axis: Option<&TimeAxis>,
 ) -> io::Result<()> {
-    write!(
-        out,
-        "first,last,voxels,pixels,peak_w_m2,peak_timestep,peak_row,peak_column,\
-         centroid_row,centroid_column,smallest_voxel"
-    )?;
-    let times =
-        if axis.is_some() { ",first_day,first_hour,last_day,last_hour,duration_h" } else { "" };
-    writeln!(out, "{times}")?;
-    for e in events.iter()? {
-        let e = e?;
-        write!(
-            out,
-            "{},{},{},{},{},{},{},{},{:.3},{:.3},{}",
-            e.first,
-            e.last,
-            e.voxels,
-            e.pixels,
-            e.peak_w_m2,
-            e.peak_timestep,
-            e.peak_row,
-            e.peak_column,
-            e.centroid_row,
-            e.centroid_column,
-            e.smallest_voxel
-        )?;
-        if let Some(axis) = axis {
-            let steps = e.last - e.first + 1;
-            let at = |values: &[f64], index: u32| values.get(index as usize).copied();
-            let day = |index: u32| axis.day.get(index as usize).copied();
-            if let (Some(first_day), Some(first_hour), Some(last_day), Some(last_hour)) =
-                (day(e.first), at(&axis.hour, e.first), day(e.last), at(&axis.hour, e.last))
-            {
-                let hours = f64::from(steps) * axis.step_h;
-                write!(out, ",{first_day},{first_hour:.4},{last_day},{last_hour:.4},{hours:.4}")?;
+    match axis {
+        Some(axis) => {
+            let mut table = Table::of::<(EventRow, EventTimes)>(out)?;
+            for event in events.iter()? {
+                let event = event?;
+                table.push((EventRow::from(&event), EventTimes::of(&event, axis)))?;
             }
+            table.finish()?;
         }
-        writeln!(out)?;
+        None => {
+            let mut table = Table::of::<EventRow>(out)?;
+            for event in events.iter()? {
+                table.push(EventRow::from(&event?))?;
+            }
+            table.finish()?;
+        }
     }
     Ok(())
 }

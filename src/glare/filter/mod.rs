@@ -2,7 +2,7 @@
 //!
 //! `kernel` has the weights, `window` what is kept of the volume meanwhile, `part` the timesteps that
 //! are filtered together, `strip` goes through some rows of them, `vector` has its inner loops. What
-//! becomes of the filtered rows is for others to say: they hand in a [`strip::FilteredRows`].
+//! becomes of the filtered rows is for others to say: they hand in a `FilteredRows`.
 
 pub(in crate::glare) mod kernel;
 pub(in crate::glare) mod part;

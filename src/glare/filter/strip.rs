@@ -23,9 +23,9 @@ use super::window::{GROUP, Window};
 
 /// Rows that are filtered along y together: their lines are then loaded three times for four rows
 /// instead of nine times for each.
-const GROUP_ROWS: usize = 4;
+pub(in crate::glare) const GROUP_ROWS: usize = 4;
 /// Columns that are filtered together, so that all that is needed stays in the second cache.
-const PIECE_COLUMNS: usize = 1024;
+pub(in crate::glare) const PIECE_COLUMNS: usize = 1024;
 
 /// Takes what the filter delivers of a strip: pieces of columns from left to right, and in each of
 /// them, for each timestep of the batch, rows from the top.

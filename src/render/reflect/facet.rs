@@ -19,6 +19,8 @@ pub(in crate::render) struct Facet {
     pub triangles: Vec<[DVec3; 3]>,
 }
 
+/// Cosine below which a ray grazes: it would begin some decimetres off.
+const GRAZING: f64 = 0.01;
 /// Rays start this far above a facet at least, m; or 30 times the rounding of f32 positions.
 fn lift_m(site: &Site) -> f64 {
     if site.bounds.is_empty() {
@@ -72,6 +74,15 @@ impl Facet {
     #[inline]
     pub(in crate::render) fn lifted(&self, point: DVec3) -> DVec3 {
         point + self.frame.z * (self.start_m - self.frame.z.dot(point))
+    }
+
+    /// Where a ray from a place of the PV begins: on its way, but above all of this side's corners, so
+    /// that what it meets is what stands in the way of that very place. Where it grazes the PV, see
+    /// [`Self::lifted`]. `way` is a unit vector.
+    #[inline]
+    pub(super) fn ray_start(&self, place: DVec3, way: DVec3) -> DVec3 {
+        let (up_m, cos) = (self.start_m - self.frame.z.dot(place), self.frame.z.dot(way));
+        if cos < GRAZING { self.lifted(place) } else { place + way * (up_m / cos) }
     }
 
     /// How far a place lies before this side, m; negative behind it.

@@ -1,14 +1,14 @@
 //! Maps and series of a view that is integrated directly.
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use glintmap_formats::npy;
 use serde_json::json;
 
 use super::fused;
-use super::render::{attributes, names, peak, write_annual, write_peak, writer};
+use super::series_files::{name, peak, write_annual, write_peak, writer};
 use crate::base::{Grid, SinkError, TileRect, TileSink, limits, tiles};
-use crate::project::{Candidate, Folder, PlannedView, SeriesKept};
+use crate::project::{Candidate, Map, PlannedView, SeriesKept};
 use crate::receivers::air::InAir;
 use crate::receivers::points::read_points;
 use crate::render::{self, Direct, DirectScene, DirectSinks, FusedDirect, HitMap, TileYear};
@@ -28,14 +28,12 @@ pub(in crate::run) fn integrate(job: &Job<'_>, of: OfView<'_>, key: &str) -> Res
             hits = air.lifted(hits);
         }
     }
-    let waiting = job.folder.waiting_tiles(&candidate.name, &view.name);
-    let folder = job.folder.prepare(&waiting.join("tile"))?;
-    let folder = folder.parent().unwrap_or(Path::new("")).to_owned();
     let direct = Direct::new(scene(job, candidate)?, job.sight()?)?;
     let keep = |tile: TileRect, year: &TileYear| {
         let all = [&year.surface_wh_m2, &year.normal_wh_m2, &year.error_wh_m2];
         let values: Vec<f32> = all.into_iter().flatten().copied().collect();
-        let path = folder.join(Folder::tile(tile));
+        let name = job.folder.waiting_tile(&candidate.name, &view.name, tile);
+        let path = job.folder.prepare(&name).map_err(std::io::Error::other)?;
         npy::write(&path, &[all.len(), tile.rows, tile.columns], &values)
             .map_err(|e| SinkError::Io(std::io::Error::other(e)))
     };
@@ -47,19 +45,19 @@ pub(in crate::run) fn integrate(job: &Job<'_>, of: OfView<'_>, key: &str) -> Res
         job.progress.finish();
         let fused::Made { rendered, peak, analyses, batches } = analysed;
         made.facts = json!({ "integrated": rendered.summary, "batches": batches });
-        made.outputs.push(write_peak(job, of, key, job.resolved.quantity, &peak)?);
+        made.outputs.extend(write_peak(job, of, key, job.resolved.quantity, &peak)?);
         made.others = fused::keep_all(job, of, &axis, analyses)?;
     } else {
         made.facts = written(job, of, (&direct, &hits), key, &keep, &mut made.outputs)?;
     }
-    made.outputs.extend(annual(job, of, &folder, &hits, key)?);
+    made.outputs.extend(annual(job, of, &hits, key)?);
     Ok(made)
 }
 
 /// Takes a tile's sums over the year.
 type Keep<'a> = &'a (dyn Fn(TileRect, &TileYear) -> Result<(), SinkError> + Sync);
 
-/// Writes the series, and the peaks; what is to be told of it.
+/// Writes the series, and the peaks; facts for the log.
 fn written(
     job: &Job<'_>,
     of: OfView<'_>,
@@ -70,7 +68,7 @@ fn written(
 ) -> Result<serde_json::Value, Error> {
     let view = of.view;
     let quantity = job.resolved.quantity;
-    let writer_of = |quantity| writer(job, of, (key, quantity), hits);
+    let writer_of = |quantity| writer(job, of, key, quantity, hits);
     let other = (view.series == SeriesKept::Both).then(|| quantity.other());
     let other = other.map(|other| Ok::<_, Error>((other, writer_of(other)?))).transpose()?;
     let writer = writer_of(quantity)?;
@@ -82,18 +80,17 @@ fn written(
         other: others.as_ref().map(|(quantity, sink)| (*quantity, sink as &dyn TileSink)),
         keep,
     };
-    let told = render::direct_series(direct, hits, sinks, job.progress)?;
+    let summary = render::direct_series(direct, hits, sinks, job.progress)?;
     job.progress.finish();
     let written = writer.finish()?;
-    let series = |quantity| job.folder.map(&of.candidate.name, &view.name, names(job, quantity).0);
-    outputs.push(series(quantity));
-    outputs.push(peak(job, of, key, quantity)?);
+    outputs.push(name(job, of, quantity));
+    outputs.extend(peak(job, of, key, quantity)?);
     if let Some((quantity, writer)) = other {
         writer.finish()?;
-        outputs.push(series(quantity));
-        outputs.push(peak(job, of, key, quantity)?);
+        outputs.push(name(job, of, quantity));
+        outputs.extend(peak(job, of, key, quantity)?);
     }
-    Ok(json!({ "series": written, "integrated": told }))
+    Ok(json!({ "series": written, "integrated": summary }))
 }
 
 fn scene<'a>(job: &'a Job<'_>, candidate: &'a Candidate) -> Result<DirectScene<'a>, Error> {
@@ -134,19 +131,13 @@ pub(super) fn fused<'a>(
 }
 
 /// The year's maps from the tiles that wait.
-fn annual(
-    job: &Job<'_>,
-    of: OfView<'_>,
-    folder: &Path,
-    hits: &HitMap,
-    key: &str,
-) -> Result<Vec<PathBuf>, Error> {
+fn annual(job: &Job<'_>, of: OfView<'_>, hits: &HitMap, key: &str) -> Result<Vec<PathBuf>, Error> {
     let (columns, rows) = (hits.columns, hits.rows);
     let empty = || Grid::filled(columns, rows, 0.0_f32);
     let mut maps = [empty(), empty(), empty()];
     for tile in tiles(columns, rows, limits::TILE_EDGE) {
-        let path = folder.join(Folder::tile(tile));
-        let values: Vec<f32> = npy::Reader::open(&path)?.read_all()?;
+        let name = job.folder.waiting_tile(&of.candidate.name, &of.view.name, tile);
+        let values: Vec<f32> = npy::Reader::open(&job.folder.at(&name))?.read_all()?;
         for (map, part) in maps.iter_mut().zip(values.chunks_exact(tile.pixels())) {
             for (i, &value) in part.iter().enumerate() {
                 let at = (tile.column + i % tile.columns, tile.row + i / tile.columns);
@@ -155,8 +146,8 @@ fn annual(
         }
     }
     let [surface, normal, error] = &maps;
-    let channels =
-        [("annual.wh_m2", surface), ("annual_normal.wh_m2", normal), ("error.wh_m2", error)];
-    let attributes = attributes(job, key, &of.view.about(&of.candidate.name));
-    write_annual(job, of, surface, &channels, &attributes)
+    let maps =
+        [(Map::Annual, surface), (Map::AnnualNormal, normal), (Map::IntegrationError, error)];
+    let attributes = job.attributes(key, &of.view.about(&of.candidate.name))?;
+    write_annual(job, of, &maps, &attributes)
 }

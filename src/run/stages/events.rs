@@ -6,20 +6,20 @@ use std::io::{self, Write};
 use std::path::PathBuf;
 
 use glam::DVec3;
-use glintmap_formats::seal;
 use rayon::prelude::*;
+use serde::Serialize;
 use serde_json::json;
 
-use super::glare::Kept;
-use super::receivers::sheet::quoted;
-use super::render::telling_store;
-use crate::glare::{self, Event, Events, Regular};
+use super::stores::telling_store;
+use crate::base::table::{Table, fixed};
+use crate::glare::{Analysis, Event, EventRow, EventTimes, Events, HourBounds, Regular};
 use crate::pages::{Neighbours, Query, Store};
-use crate::project::{Candidate, PlannedView};
+use crate::project::PlannedView;
 use crate::receivers::clock::Clock;
 use crate::render::{Hit, HitMap};
 use crate::run::error::Error;
 use crate::run::job::Job;
+use crate::run::units::OfView;
 use crate::site::{Site, map_from_local};
 use crate::volume::TimeAxis;
 
@@ -32,16 +32,25 @@ const ASKED_PHOTONS: usize = 2000;
 /// The PV surface that sends most of an event, and its share; `None` where no photon tells.
 type Sender = Option<(u16, f32)>;
 
+/// What an analysis gives.
+pub(super) struct Found<'a> {
+    pub analysis: &'a Analysis,
+    /// Of the timesteps that it counts.
+    pub axis: Option<&'a TimeAxis>,
+    /// What put them onto a regular grid, if they weren't on one.
+    pub grid: Option<&'a Regular<'a>>,
+    pub bounds: &'a HourBounds,
+}
+
 /// Writes `events.csv` and `events.geojson`; their names below `run/`.
 pub(super) fn write(
     job: &Job<'_>,
-    candidate: &Candidate,
-    view: &PlannedView,
+    of: OfView<'_>,
     threshold: f64,
-    made: &Kept<'_>,
+    found: &Found<'_>,
 ) -> Result<Vec<PathBuf>, Error> {
-    let Kept { analysis, axis, grid, .. } = *made;
-    let name = |file: &str| job.folder.glare(&candidate.name, &view.name, threshold, file);
+    let OfView { candidate, view } = of;
+    let Found { analysis, axis, grid, .. } = *found;
     let hits = job.folder.read_hits(&view.name)?;
     let senders = match telling_store(job, candidate)? {
         Some(store) => senders(&analysis.events, grid, &hits, &store, view)?,
@@ -49,27 +58,19 @@ pub(super) fn write(
     };
     let whole = TimeAxis::from(job.timeline()?);
     let steps = axis.unwrap_or(&whole);
-    let told = Told {
+    let gazetteer = Gazetteer {
         clock: Clock::new(&job.resolved.project.site, steps.year),
         axis: steps,
         site: job.site()?,
         hits: &hits,
         north_deg: job.resolved.scene.north_deg,
     };
-    let csv = name("events.csv");
-    let path = job.folder.prepare(&csv)?;
-    seal::write(&path, |out| {
-        let events = analysis.events.iter()?.zip(&senders);
-        let rows = events.map(|(event, sender)| Ok(told.columns(&event?, *sender)));
-        let mut longer = Longer::new(out, rows);
-        glare::write_events(&mut longer, &analysis.events, axis)
-    })
-    .map_err(|source: io::Error| Error::Write { path: path.clone(), source })?;
-    let points = name("events.geojson");
-    let path = job.folder.at(&points);
+    let events = &analysis.events;
+    let csv = job.folder.events(&candidate.name, &view.name, threshold);
+    job.folder.write(&csv, |out| gazetteer.csv(out, events, &senders))?;
+    let points = job.folder.event_points(&candidate.name, &view.name, threshold);
     let crs = job.resolved.scene.crs.as_deref();
-    seal::write(&path, |out| told.geojson(out, &analysis.events, &senders, crs))
-        .map_err(|source: io::Error| Error::Write { path: path.clone(), source })?;
+    job.folder.write(&points, |out| gazetteer.geojson(out, events, &senders, crs))?;
     Ok(vec![csv, points])
 }
 
@@ -163,8 +164,32 @@ fn main_sender(event: &Event, near: &Neighbours) -> Sender {
     main.filter(|_| sum > 0.0).map(|(surface, flux)| (surface, (flux / sum) as f32))
 }
 
-/// What turns numbers into words.
-struct Told<'a> {
+/// When an event is by the clock, where it is, and which PV surface sends most of it: the columns
+/// that follow those of the analysis.
+#[derive(Clone, Debug, Default, Serialize)]
+struct EventPlace {
+    first_at: String,
+    last_at: String,
+    #[serde(serialize_with = "fixed::<2, _, _>")]
+    x_m: Option<f64>,
+    #[serde(serialize_with = "fixed::<2, _, _>")]
+    y_m: Option<f64>,
+    #[serde(serialize_with = "fixed::<2, _, _>")]
+    z_m: Option<f64>,
+    #[serde(serialize_with = "fixed::<2, _, _>")]
+    map_x_m: Option<f64>,
+    #[serde(serialize_with = "fixed::<2, _, _>")]
+    map_y_m: Option<f64>,
+    #[serde(serialize_with = "fixed::<2, _, _>")]
+    map_z_m: Option<f64>,
+    object: String,
+    pv_surface: String,
+    #[serde(serialize_with = "fixed::<3, _, _>")]
+    pv_share: Option<f64>,
+}
+
+/// What turns the numbers of an event into places, dates and names.
+struct Gazetteer<'a> {
     clock: Clock,
     axis: &'a TimeAxis,
     site: &'a Site,
@@ -172,11 +197,7 @@ struct Told<'a> {
     north_deg: f64,
 }
 
-/// Columns that follow those of the analysis.
-const COLUMNS: &str =
-    "first_at,last_at,x_m,y_m,z_m,map_x_m,map_y_m,map_z_m,object,pv_surface,pv_share";
-
-impl Told<'_> {
+impl Gazetteer<'_> {
     fn at(&self, timestep: u32) -> String {
         let (at, axis) = (timestep as usize, self.axis);
         let when = axis.day.get(at).zip(axis.hour.get(at));
@@ -200,33 +221,42 @@ impl Told<'_> {
         self.hits.hits.get(pixel(event, self.hits)).filter(|h| h.kind.receives())
     }
 
-    fn columns(&self, event: &Event, sender: Sender) -> String {
-        let place = match self.hit(event) {
-            Some(hit) => {
-                let local = hit.position.as_dvec3();
-                let map = self.map(local);
-                let numbers: Vec<String> = local
-                    .to_array()
-                    .into_iter()
-                    .chain(map.to_array())
-                    .map(|v| format!("{v:.2}"))
-                    .collect();
-                format!("{},{}", numbers.join(","), quoted(self.object(hit)))
-            }
-            None => ",".repeat(6),
+    fn place(&self, event: &Event, sender: Sender) -> EventPlace {
+        let mut out = EventPlace {
+            first_at: self.at(event.first),
+            last_at: self.at(event.last),
+            ..EventPlace::default()
         };
-        let who = match sender {
-            Some((s, share)) => format!("{},{share:.3}", quoted(self.surface(s))),
-            None => ",".to_owned(),
-        };
-        format!("{},{},{place},{who}", self.at(event.first), self.at(event.last))
+        if let Some(hit) = self.hit(event) {
+            let local = hit.position.as_dvec3();
+            let map = self.map(local);
+            [out.x_m, out.y_m, out.z_m] = local.to_array().map(Some);
+            [out.map_x_m, out.map_y_m, out.map_z_m] = map.to_array().map(Some);
+            out.object = self.object(hit).to_owned();
+        }
+        if let Some((surface, share)) = sender {
+            out.pv_surface = self.surface(surface).to_owned();
+            out.pv_share = Some(share.into());
+        }
+        out
+    }
+
+    /// The table of all events.
+    fn csv(&self, out: &mut dyn Write, events: &Events, senders: &[Sender]) -> io::Result<()> {
+        let mut table = Table::of::<(EventRow, EventTimes, EventPlace)>(out)?;
+        for (event, sender) in events.iter()?.zip(senders) {
+            let event = event?;
+            let times = EventTimes::of(&event, self.axis);
+            table.push((EventRow::from(&event), times, self.place(&event, *sender)))?;
+        }
+        table.finish().map(|_| ())
     }
 
     /// A FeatureCollection of the events that have a place: map coordinates, metres. GeoJSON of
     /// today knows degrees only; the member `crs` of its first edition says what these are.
     fn geojson(
         &self,
-        out: &mut impl Write,
+        out: &mut dyn Write,
         events: &Events,
         senders: &[Sender],
         crs: Option<&str>,
@@ -266,60 +296,5 @@ impl Told<'_> {
             comma = ",";
         }
         writeln!(out, "\n]}}")
-    }
-}
-
-/// Lengthens the lines that go through: the first by [`COLUMNS`], each further one by the next
-/// row.
-struct Longer<'a, W, R> {
-    out: &'a mut W,
-    rows: R,
-    line: usize,
-}
-
-impl<'a, W: Write, R: Iterator<Item = io::Result<String>>> Longer<'a, W, R> {
-    fn new(out: &'a mut W, rows: R) -> Self {
-        Self { out, rows, line: 0 }
-    }
-}
-
-impl<W: Write, R: Iterator<Item = io::Result<String>>> Write for Longer<'_, W, R> {
-    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
-        for part in bytes.split_inclusive(|b| *b == b'\n') {
-            match part.split_last() {
-                Some((b'\n', rest)) => {
-                    self.out.write_all(rest)?;
-                    let more = match self.line {
-                        0 => COLUMNS.to_owned(),
-                        _ => self.rows.next().transpose()?.unwrap_or_default(),
-                    };
-                    writeln!(self.out, ",{more}")?;
-                    self.line += 1;
-                }
-                _ => self.out.write_all(part)?,
-            }
-        }
-        Ok(bytes.len())
-    }
-
-    fn flush(&mut self) -> io::Result<()> {
-        self.out.flush()
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn every_line_gets_its_columns_however_it_is_written() {
-        let mut out = Vec::new();
-        let rows = ["one", "two"].map(|row| Ok(row.to_owned()));
-        let mut longer = Longer::new(&mut out, rows.into_iter());
-        for part in ["fir", "st\n1", ",2", "\n3,4\n"] {
-            longer.write_all(part.as_bytes()).expect("writes");
-        }
-        let text = String::from_utf8(out).expect("text");
-        assert_eq!(text, format!("first,{COLUMNS}\n1,2,one\n3,4,two\n"));
     }
 }

@@ -4,15 +4,16 @@ use std::ops::Range;
 
 use serde_json::json;
 
-use super::band::{Band, Counter, each_slice};
-use super::glare::{Kept, keep, provenance};
+use super::events::Found;
+use super::glare_files;
 use crate::base::{Grid, Progress, SeriesEntry, SinkError, TileRect, TileSink, limits};
 use crate::glare::{
-    self, Analysis, Calendar, Plan, Regular, Session, Slices, TileBatch, YearRows, YearTiles,
+    self, Analysis, Calendar, HourBounds, HourCounter, Plan, Regular, Session, Slices, TileBatch,
+    YearRows, YearTiles, each_slice,
 };
 use crate::project::PlannedView;
 use crate::receivers::clock::Clock;
-use crate::render::{Fused, FusedDirect, HitMap};
+use crate::render::{Fused, FusedDirect, HitMap, undecided};
 use crate::run;
 use crate::run::error::Error;
 use crate::run::job::{Job, MadeToo};
@@ -88,7 +89,7 @@ pub(super) struct Made<'a, B> {
 pub(super) struct Analysed<'a> {
     threshold: f64,
     analysis: Analysis,
-    band: Band,
+    bounds: HourBounds,
     /// The maps of the year from the series as it is; none of sensors.
     year: Option<YearTiles<'a>>,
 }
@@ -150,7 +151,8 @@ pub(super) fn analyse<'a, B: Batches>(
         let plan = Plan::new(analysed, 1, true, false, &settings)?;
         let calendar = Calendar { day, weight_h };
         let session = Session::begin(analysed, Some(calendar), &settings, &plan)?;
-        sessions.push((session, Counter::new(threshold, photon_w_m2)));
+        let open_w_m2 = photon_w_m2.map(|photon| undecided(threshold, *photon));
+        sessions.push((session, HourCounter::new(threshold, &open_w_m2)));
     }
     let batches = batches(&segments, rendered.entries(), memory / ENTRY_BYTES);
     let mut peak = Grid::filled(hits.columns, hits.rows, 0.0f32);
@@ -181,8 +183,8 @@ pub(super) fn analyse<'a, B: Batches>(
     let mut analyses = Vec::new();
     let mut years = years.into_iter();
     for (&threshold, (session, counter)) in thresholds.iter().zip(sessions) {
-        let (analysis, band, year) = (session.finish()?, counter.finish(), years.next());
-        analyses.push(Analysed { threshold, analysis, band, year });
+        let (analysis, bounds, year) = (session.finish()?, counter.finish(), years.next());
+        analyses.push(Analysed { threshold, analysis, bounds, year });
     }
     Ok(Made { rendered, peak, analyses, batches: batches.len() })
 }
@@ -217,25 +219,23 @@ pub(super) fn keep_all(
     axis: &TimeAxis,
     analyses: Vec<Analysed<'_>>,
 ) -> Result<Vec<MadeToo>, Error> {
-    let OfView { candidate, view } = of;
     let dark = TileBatch::new([axis.day.len(), 1, 1], 0..0);
     let grid = Regular::of(&dark, axis, &segments_from_numbers(&axis.segment))?;
     let even = grid.as_ref().map(|grid| grid.axis(axis));
     let counted = even.as_ref().unwrap_or(axis);
     let mut units = Vec::new();
-    for Analysed { threshold, analysis, band, year } in analyses {
+    for Analysed { threshold, analysis, bounds, year } in analyses {
         let name = Work::Glare(of, threshold).name();
         let Some(unit) = job.plan.iter().find(|unit| unit.name == name) else { continue };
-        let about = (threshold, unit.key.as_str());
-        let made =
-            Kept { analysis: &analysis, axis: Some(counted), grid: grid.as_ref(), band: &band };
-        let mut outputs = keep(job, candidate, view, about, &made)?;
+        let (axis_of, grid) = (Some(counted), grid.as_ref());
+        let found = Found { analysis: &analysis, axis: axis_of, grid, bounds: &bounds };
+        let attributes = glare_files::attributes(job, of, threshold, &unit.key)?;
+        let mut outputs = glare_files::write(job, of, threshold, &found, &attributes)?;
         if let Some(year) = year {
-            let folder = job.folder.glare(&candidate.name, &view.name, threshold, "");
-            let attributes = provenance(job, candidate, view, about);
-            let size = [band.hours_h.rows(), band.hours_h.columns()];
+            let size = [bounds.hours_h.rows(), bounds.hours_h.columns()];
             let make = |rows: YearRows<'_>| year.finish(rows);
-            outputs.extend(super::year::write(job, &folder, (axis, size), make, &attributes)?);
+            let year = glare_files::UnfilteredYear { axis, size, make };
+            outputs.extend(glare_files::write_year(job, of, threshold, year, &attributes)?);
         }
         let facts = json!({ "events": analysis.events.len(), "fused": true });
         let (key, made) = (unit.key.clone(), run::job::Made::new(outputs, facts));

@@ -1,15 +1,15 @@
-use std::path::PathBuf;
+//! Glare durations and events of a series at a threshold.
 
 use serde_json::json;
 
-use super::band::{self, Band};
-use super::render::{self, attributes};
-use super::{direct, fused};
+use super::events::Found;
+use super::glare_files::{self, UnfilteredYear};
+use super::{direct, fused, render};
 use crate::base::Grid;
-use crate::glare::{self, Analysis, Regular, Slices, YearRows};
-use crate::picture::exr;
-use crate::project::{Candidate, PlannedView};
+use crate::glare::{self, HourBounds, HourCounter, Regular, Slices, YearRows, each_slice};
+use crate::project::Map;
 use crate::receivers::clock::Clock;
+use crate::render::undecided;
 use crate::run::error::Error;
 use crate::run::job::{Job, Made};
 use crate::run::units::OfView;
@@ -59,89 +59,43 @@ pub(in crate::run) fn glare(
         analysis.sustained.clone_from(&analysis.longest_run);
     }
     job.progress.finish();
-    let band = band::count(job, candidate, view, &volume, threshold)?;
-    let made = Kept { analysis: &analysis, axis, grid: grid.as_ref(), band: &band };
-    let mut outputs = keep(job, candidate, view, (threshold, key), &made)?;
+    let bounds = count(job, of, &volume, threshold)?;
+    let found = Found { analysis: &analysis, axis, grid: grid.as_ref(), bounds: &bounds };
+    let attributes = glare_files::attributes(job, of, threshold, key)?;
+    let mut outputs = glare_files::write(job, of, threshold, &found, &attributes)?;
     if let Some(axis) = volume.axis().filter(|_| view.points().is_none()) {
-        let folder = job.folder.glare(&candidate.name, &view.name, threshold, "");
-        let attributes = provenance(job, candidate, view, (threshold, key));
         let [_, rows, columns] = volume.shape();
         let clock_h = Clock::new(&job.resolved.project.site, axis.year).hours(axis);
         let make = |rows: YearRows<'_>| {
             glare::year(&volume, threshold, Some(&clock_h), rows, job.progress).map(|_| ())
         };
-        let of = (axis, [rows, columns]);
-        outputs.extend(super::year::write(job, &folder, of, make, &attributes)?);
+        let year = UnfilteredYear { axis, size: [rows, columns], make };
+        outputs.extend(glare_files::write_year(job, of, threshold, year, &attributes)?);
     }
     let facts = json!({ "events": analysis.events.len(), "timesteps": steps });
     Ok(Made::new(outputs, facts))
 }
 
-/// What an analysis gives.
-pub(super) struct Kept<'a> {
-    pub analysis: &'a Analysis,
-    /// Of the timesteps that it counts.
-    pub axis: Option<&'a TimeAxis>,
-    /// What put them onto a regular grid, if they weren't on one.
-    pub grid: Option<&'a Regular<'a>>,
-    pub band: &'a Band,
-}
-
-/// Writes what an analysis found; the names of the files.
-pub(super) fn keep(
+/// Counts the hours of a threshold over a whole series.
+fn count(
     job: &Job<'_>,
-    candidate: &Candidate,
-    view: &PlannedView,
-    (threshold, key): (f64, &str),
-    made: &Kept<'_>,
-) -> Result<Vec<PathBuf>, Error> {
-    let Kept { analysis, axis, band, .. } = *made;
-    let name = |file: &str| job.folder.glare(&candidate.name, &view.name, threshold, file);
-    let step_h = axis.map_or(job.timeline()?.step_h, |axis| axis.step_h);
-    let attributes = provenance(job, candidate, view, (threshold, key));
-    let mut outputs = Vec::new();
-    for (map, counts, hours) in hours(analysis, step_h) {
-        let npy = job.folder.prepare(&name(&format!("{map}.npy")))?;
-        glintmap_formats::npy::write(&npy, &[counts.rows(), counts.columns()], counts.data())?;
-        let exr_name = name(&format!("{map}.exr"));
-        let channel = format!("{map}.h");
-        exr::write(&job.folder.at(&exr_name), &[(channel.as_str(), &hours)], &attributes)?;
-        outputs.extend([name(&format!("{map}.npy")), exr_name]);
-    }
-    if view.points().is_none() {
-        outputs.extend(super::events::write(job, candidate, view, threshold, made)?);
-    }
-    outputs.push(band::write(job, candidate, view, (threshold, &attributes), band)?);
-    Ok(outputs)
-}
-
-/// What the files of an analysis say of where they come from.
-pub(super) fn provenance(
-    job: &Job<'_>,
-    candidate: &Candidate,
-    view: &PlannedView,
-    (threshold, key): (f64, &str),
-) -> Vec<(String, String)> {
-    let about = [
-        ("material", candidate.name.as_str()),
-        ("view", view.name.as_str()),
-        ("threshold_w_m2", &threshold.to_string()),
-        ("quantity", job.resolved.quantity.name()),
-    ];
-    attributes(job, key, &about)
-}
-
-/// Each duration map with its timesteps turned into hours. Cumulative hours carry the weight of
-/// each timestep; sustained and longest run are clock time of one day, so the time step alone.
-fn hours(analysis: &Analysis, step_h: f64) -> [(&'static str, &Grid<i32>, Grid<f32>); 3] {
-    let clock = |counts: &Grid<i32>| counts.map(|n| (f64::from(*n) * step_h) as f32);
-    let cumulative = match &analysis.cumulative_h {
-        Some(hours) => hours.clone(),
-        None => clock(&analysis.cumulative),
+    of: OfView<'_>,
+    series: &dyn Slices,
+    threshold_w_m2: f64,
+) -> Result<HourBounds, Error> {
+    let photon_w_m2 = match of.view.is_direct() {
+        true => {
+            // Without photons there is no noise.
+            let [_, rows, columns] = series.shape();
+            Grid::filled(columns, rows, 0.0)
+        }
+        false => job.read_map(of, Map::PhotonIrradiance)?,
     };
-    [
-        ("cumulative", &analysis.cumulative, cumulative),
-        ("sustained", &analysis.sustained, clock(&analysis.sustained)),
-        ("longest_run", &analysis.longest_run, clock(&analysis.longest_run)),
-    ]
+    let open_w_m2 = photon_w_m2.map(|photon| undecided(threshold_w_m2, *photon));
+    let mut counter = HourCounter::new(threshold_w_m2, &open_w_m2);
+    let steps = &job.timeline()?.steps;
+    each_slice(series, 0..series.shape()[0], job.progress, |t, slice| {
+        counter.push(slice, steps.get(t).map_or(0.0, |s| s.weight_h));
+    })?;
+    Ok(counter.finish())
 }

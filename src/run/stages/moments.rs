@@ -4,13 +4,12 @@
 use std::path::PathBuf;
 
 use glam::DVec3;
-use glintmap_formats::seal;
 use serde_json::{Value, json};
 
-use super::render::attributes;
 use crate::base::{Grid, Provenance, Timestep};
 use crate::picture::{Figure, Scale, exr, hdr, luminance, png, tonemap};
-use crate::project::{Camera, Candidate, Key, MOMENTS, PlannedMoment};
+use crate::project::artifacts::MomentFile;
+use crate::project::{Camera, Candidate, Key, PlannedMoment};
 use crate::receivers::clock::Clock;
 use crate::receivers::eyes::azimuth_altitude_deg;
 use crate::receivers::points::Spreader;
@@ -37,19 +36,6 @@ pub(in crate::run) fn luminances(job: &Job<'_>, key: &str) -> Result<Made, Error
     }
     let made = outputs.len();
     Ok(Made::new(outputs, json!({ "files": made })))
-}
-
-/// The files of a moment that the report shows.
-pub(super) fn pictures(
-    job: &Job<'_>,
-    candidate: &Candidate,
-    moment: &PlannedMoment,
-) -> [PathBuf; 2] {
-    [".png", "-luminance.png"].map(|end| file(job, candidate, moment, end))
-}
-
-fn file(job: &Job<'_>, candidate: &Candidate, moment: &PlannedMoment, end: &str) -> PathBuf {
-    job.folder.map(&candidate.name, MOMENTS, &format!("{}{end}", moment.name))
 }
 
 /// `11 June, 09:30 (06-11 09:30 CEST)`
@@ -123,24 +109,24 @@ fn take(
     let materials = EyeMaterial::by_surface(&candidate.bsdfs, site);
     let scene = Moment::new(site, month(job, moment), sun, lm_per_w, materials.clone());
     let picture = scene.paint(&view, job.progress)?;
-    let name = |end: &str| file(job, candidate, moment, end);
+    let name = |file| job.folder.moment(&candidate.name, &moment.name, file);
     let facts = facts(job, moment, candidate, &view, (&sun, lm_per_w), &materials, &picture)?;
     let lines = vec![
         format!("SOFTWARE= {}", Provenance::PROGRAM),
         format!("{}, {}: luminance by 179 lm/W", candidate.name, when(job, moment)),
         view.to_view_line(),
     ];
-    hdr::write(&job.folder.prepare(&name(".hdr"))?, &picture, &lines)?;
+    hdr::write(&job.folder.prepare(&name(MomentFile::Radiance))?, &picture, &lines)?;
     let values = picture.map(|p| luminance(*p) * WATT_LM as f32);
     let about = [("material", candidate.name.as_str()), ("moment", moment.name.as_str())];
     exr::write(
-        &job.folder.at(&name(".exr")),
-        &[("luminance.cd_m2", &values)],
-        &attributes(job, key, &about),
+        &job.folder.at(&name(MomentFile::Luminance)),
+        &[(MomentFile::CHANNEL, &values)],
+        &job.attributes(key, &about)?,
     )?;
     let texts = vec![("Software".to_owned(), Provenance::PROGRAM.to_owned())];
     let pixels = tonemap::tonemap(&picture, tonemap::Exposure::Auto, false);
-    png::write(&job.folder.at(&name(".png")), &pixels, &texts)?;
+    png::write(&job.folder.at(&name(MomentFile::Picture)), &pixels, &texts)?;
     let scale = Scale::logarithmic(BRIGHTEST_CD_M2, DECADES, "cd/m²");
     let mut figure = Figure::new(&values, scale);
     figure.title = format!("{}: luminance", candidate.name);
@@ -148,11 +134,9 @@ fn take(
     figure.legend = "luminance".into();
     figure.opacity = 1.0;
     figure.caption = vec![told(&facts)];
-    figure.write_png(&job.folder.at(&name("-luminance.png")), &texts)?;
-    let path = job.folder.at(&name(".json"));
-    let text = serde_json::to_vec_pretty(&facts).map_err(std::io::Error::from)?;
-    seal::write_bytes(&path, &text).map_err(|source| Error::Write { path, source })?;
-    Ok([".hdr", ".exr", ".png", "-luminance.png", ".json"].map(name).to_vec())
+    figure.write_png(&job.folder.at(&name(MomentFile::LuminancePicture)), &texts)?;
+    job.folder.write_json(&name(MomentFile::Facts), &facts)?;
+    Ok(MomentFile::ALL.map(name).to_vec())
 }
 
 /// What the eye at the view point gets of the PV; and of all, where the picture is half a sphere.

@@ -4,7 +4,6 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
-use glintmap_formats::seal;
 use serde::{Deserialize, Serialize};
 use serde_json::json;
 
@@ -33,9 +32,7 @@ pub(in crate::run) struct Traced {
 impl Traced {
     /// What the stage `trace` left of a candidate.
     pub fn read(job: &Job<'_>, candidate: &Candidate) -> Result<Self, Error> {
-        let path = job.folder.at(&job.folder.tally(&candidate.name));
-        let text = fs::read(&path).map_err(|source| Error::Read { path: path.clone(), source })?;
-        serde_json::from_slice(&text).map_err(|e| Error::Manifest { path, message: e.to_string() })
+        Ok(job.folder.read_json(&job.folder.tally(&candidate.name))?)
     }
 }
 
@@ -98,11 +95,6 @@ impl UnitSink for Keeper {
     }
 }
 
-fn write(path: &Path, value: &impl Serialize) -> Result<(), Error> {
-    let text = serde_json::to_vec_pretty(value).map_err(std::io::Error::from)?;
-    seal::write_bytes(path, &text).map_err(|source| Error::Write { path: path.to_owned(), source })
-}
-
 /// Traces a candidate's photons into its spill.
 pub(in crate::run) fn trace(
     job: &Job<'_>,
@@ -129,7 +121,7 @@ pub(in crate::run) fn trace(
     };
     let traced = Traced { plan, effective_photons: tally.effective_photons(), tally };
     let tally_name = job.folder.tally(&candidate.name);
-    write(&job.folder.prepare(&tally_name)?, &traced)?;
+    job.folder.write_json(&tally_name, &traced)?;
     job.progress.say(&told(candidate, &traced, began));
     let facts = json!({ "sent": tally.sent.photons, "stored": tally.stored.photons });
     Ok(Made::new(vec![tally_name], facts))
@@ -215,27 +207,24 @@ pub(super) fn fill(
     Ok(keeper.done)
 }
 
-/// The file that says that a share is complete.
-const SHARE: &str = "traced.json";
-
 /// Traces one share of each candidate's photons. Other shares may be traced in the same folder at
 /// the same time, so the manifest knows none of them: a share says itself what it was made from.
 pub(in crate::run) fn share(job: &mut Job<'_>, shard: Shard) -> Result<(), Error> {
     for unit in job.plan.clone() {
         let Work::Trace(candidate) = unit.work else { continue };
         let name = format!("{} {}", unit.name, shard.name());
-        let folder = job.folder.shards(&candidate.name).join(shard.name());
-        let path = job.folder.at(&folder).join(SHARE);
-        let done = read_share(&path).filter(|_| !job.is_forced(unit.stage));
+        let tally = job.folder.shard_tally(&candidate.name, shard);
+        let done = read_share(job, candidate, shard).filter(|_| !job.is_forced(unit.stage));
         if done.is_some_and(|done| done.fits(&unit.key, Some(shard))) {
             job.summary.current.push(name);
             continue;
         }
         let began = Instant::now();
-        job.remove(&if job.is_forced(unit.stage) { folder.clone() } else { folder.join(SHARE) })?;
-        let spill = job.folder.prepare(&folder.join("spill"))?;
+        let forced = job.is_forced(unit.stage);
+        job.remove(tally.parent().filter(|_| forced).unwrap_or(&tally))?;
+        let spill = job.folder.prepare(&job.folder.shard_spill(&candidate.name, shard))?;
         let done = land(job, candidate, &unit.key, Some(shard), &spill)?;
-        write(&path, &done)?;
+        job.folder.write_json(&tally, &done)?;
         let units = done.units.len();
         job.progress.say(&format!("{}: {units} of {} units", name, done.plan.units()));
         job.note(&name, began, json!({ "units": units }))?;
@@ -243,8 +232,8 @@ pub(in crate::run) fn share(job: &mut Job<'_>, shard: Shard) -> Result<(), Error
     Ok(())
 }
 
-fn read_share(path: &Path) -> Option<Done> {
-    serde_json::from_slice(&fs::read(path).ok()?).ok()
+fn read_share(job: &Job<'_>, candidate: &Candidate, shard: Shard) -> Option<Done> {
+    job.folder.read_json(&job.folder.shard_tally(&candidate.name, shard)).ok()
 }
 
 /// The spills of all shares of a candidate's photons, and what they hold together; `None` where
@@ -270,14 +259,13 @@ fn shares(
     let mut missing = Vec::new();
     for index in 1..=first.of {
         let shard = Shard { index, of: first.of };
-        let folder = path.join(shard.name());
-        match read_share(&folder.join(SHARE)) {
+        match read_share(job, candidate, shard) {
             None => missing.push(shard.name()),
             Some(done) if !done.fits(key, Some(shard)) => {
                 missing.push(format!("{} (it is from other settings)", shard.name()));
             }
             Some(done) => {
-                parts.push(folder.join("spill"));
+                parts.push(job.folder.at(&job.folder.shard_spill(&candidate.name, shard)));
                 match &mut whole {
                     Some(whole) if whole.plan != done.plan => {
                         missing.push(format!("{} (it has another plan)", shard.name()));

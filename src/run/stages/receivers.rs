@@ -1,30 +1,25 @@
 //! Points instead of pixels: where they lie and what they see; then, after their series were
 //! rendered as those of pictures are, what arrives there.
 
-pub(in crate::run) mod sheet;
-
-use glintmap_formats::seal;
 use serde_json::json;
 
-use super::judged::class;
-use super::pictures::read;
-use super::render::telling_store;
-use crate::glare::Lengths;
+use super::stores::telling_store;
+use crate::base::Grid;
+use crate::base::table::Table;
 use crate::pages::Store;
-use crate::project::{Candidate, PlannedView, Points};
+use crate::project::artifacts::{ReceiverFile, ReceiverId};
+use crate::project::{GlareMap, Map, PlannedView, Points};
 use crate::receivers::air::Crossings;
 use crate::receivers::clock::Clock;
 use crate::receivers::points::{Spreader, read_points};
-use crate::receivers::received::{Reader, Received};
+use crate::receivers::received::{Calendar, Reader, Received, Rendered, SeriesPhotons};
+use crate::receivers::tables::{OccurrenceRow, PointTable, occurrence};
 use crate::render::sensors;
 use crate::rules::Class;
 use crate::run::error::Error;
 use crate::run::job::{Job, Made};
 use crate::run::units::OfView;
-use crate::volume::{TimeAxis, Volume};
-
-/// Clock times at which glare outdoors counts, h.
-pub(super) const OUTDOOR_H: [f64; 2] = [6.0, 22.0];
+use crate::volume::Volume;
 
 /// Checks what regions name before anything is made.
 pub(in crate::run) fn check(job: &Job<'_>) -> Result<(), Error> {
@@ -58,130 +53,119 @@ pub(in crate::run) fn place(
     let provenance = job.provenance(key, &[("view", &set.name)]);
     placed.hits.write_sensors(&path, trace.max_path_m, &provenance)?;
     let list = job.folder.points(&set.name);
-    let path = job.folder.at(&list);
-    let text = serde_json::to_vec_pretty(&points.set).map_err(std::io::Error::from)?;
-    seal::write_bytes(&path, &text).map_err(|source| Error::Write { path, source })?;
+    job.folder.write_json(&list, &points.set)?;
     let facts = json!({ "points": points.sensors.len(), "groups": points.set.groups.len() });
     Ok(Made::new(vec![name, list], facts))
+}
+
+/// What was rendered at the points of a set, as maps.
+struct PointMaps {
+    annual: Grid<f32>,
+    normal: Grid<f32>,
+    /// For each threshold hours of the year and longest run after the filter in time, h.
+    filtered: Vec<[Vec<f32>; 2]>,
+}
+
+impl PointMaps {
+    fn read(job: &Job<'_>, of: OfView<'_>) -> Result<Self, Error> {
+        let read = |map| job.read_map(of, map);
+        let mut filtered = Vec::new();
+        for &t in &job.resolved.project.glare.thresholds_w_m2 {
+            let of = |map| Ok::<_, Error>(read(Map::Glare(t, map))?.data().to_vec());
+            filtered.push([of(GlareMap::Cumulative)?, of(GlareMap::LongestRun)?]);
+        }
+        Ok(Self { annual: read(Map::Annual)?, normal: read(Map::AnnualNormal)?, filtered })
+    }
 }
 
 /// Reads what arrives at the points of a set: `sensors.csv`, `receivers.json`, and for each group
 /// when.
 pub(in crate::run) fn received(job: &Job<'_>, of: OfView<'_>) -> Result<Made, Error> {
     let OfView { candidate, view: set } = of;
-    let map = |file: &str| job.folder.map(&candidate.name, &set.name, file);
+    let results = job.results()?;
     let hits = job.folder.read_hits(&set.name)?;
     let volume = Volume::open(&job.folder.at(&job.folder.series(&candidate.name, &set.name)))?;
     let store = telling_store(job, candidate)?;
     let points = read_points(&job.folder, set)?;
+    let cache = job.options.page_cache_bytes;
     let gather = set.photons();
     let air = match gather {
         None => None,
-        Some(_) => Crossings::open(
-            &job.folder,
-            &candidate.name,
-            (&points, set),
-            job.options.page_cache_bytes,
-        )?,
+        Some(_) => Crossings::open(&job.folder, &candidate.name, (&points, set), cache)?,
     };
     let surfaces: Vec<String> = job.site()?.pv.iter().map(|s| s.name.clone()).collect();
-    let axis = TimeAxis::from(job.timeline()?);
-    let clock = Clock::new(&job.resolved.project.site, axis.year);
-    let civil = TimeAxis { hour: clock.hours(&axis), ..axis.clone() };
-    let steps = axis.day.len();
-    let bandwidth = gather.copied().unwrap_or_default().series_bandwidth(steps);
-    let annual = read(job, &map("annual.exr"), "annual.wh_m2")?;
-    let normal = read(job, &map("annual.exr"), "annual_normal.wh_m2")?;
-    let thresholds = &job.resolved.project.glare.thresholds_w_m2;
-    let filtered = thresholds
-        .iter()
-        .map(|t| {
-            let of = |name: &str| -> Result<Vec<f32>, Error> {
-                let exr = job.folder.glare(&candidate.name, &set.name, *t, &format!("{name}.exr"));
-                Ok(read(job, &exr, &format!("{name}.h"))?.data().to_vec())
-            };
-            Ok([of("cumulative")?, of("longest_run")?])
-        })
-        .collect::<Result<Vec<_>, Error>>()?;
+    let clock = Clock::new(&job.resolved.project.site, results.timeline.year);
+    let calendar = Calendar::of(results.timeline, &clock)?;
+    let maps = PointMaps::read(job, of)?;
+    let timesteps = results.timeline.steps.len();
+    let bandwidth = gather.copied().unwrap_or_default().series_bandwidth(timesteps);
+    let asked_m = gather.and_then(|gather| gather.annual.max_radius_m);
+    let widest_m = || Some(store.as_ref()?.max_radius_m(bandwidth));
     let mut reader = Reader {
-        hits: &hits,
-        volume: &volume,
-        axis: &axis,
-        lengths: Lengths::of(&axis)?,
-        civil: &civil,
-        store: store.as_ref(),
-        air: air.as_ref(),
-        exact: set.is_direct(),
+        rendered: Rendered {
+            hits: &hits,
+            volume: &volume,
+            exact: set.is_direct(),
+            annual: maps.annual.data(),
+            filtered: &maps.filtered,
+        },
+        photons: SeriesPhotons {
+            store: store.as_ref(),
+            air: air.as_ref(),
+            bandwidth,
+            max_radius_m: asked_m.or_else(widest_m).unwrap_or_default(),
+        },
+        calendar: &calendar,
         surfaces: &surfaces,
-        bandwidth,
-        max_radius_m: gather
-            .and_then(|gather| gather.annual.max_radius_m)
-            .or_else(|| Some(store.as_ref()?.max_radius_m(bandwidth)))
-            .unwrap_or_default(),
-        thresholds,
-        annual: annual.data(),
-        filtered: &filtered,
-        counts: vec![true; steps],
+        thresholds: results.thresholds_w_m2(),
+        counts: Vec::new(),
     };
+    let sheet = PointTable {
+        hits: &hits,
+        annual: &maps.annual,
+        normal: &maps.normal,
+        thresholds: results.thresholds_w_m2(),
+        clock: &clock,
+        axis: &calendar.axis,
+    };
+    let mut table = sheet.begin(Vec::new())?;
     let mut outputs = Vec::new();
     let mut all = Received { clock: clock.zone(), groups: Vec::new() };
-    let mut table = sheet::head(thresholds);
     let groups = points.groups;
     job.progress.begin("receivers", groups.len() as u64, "receivers");
     for (number, group) in groups.iter().enumerate() {
         job.progress.check()?;
-        let outdoor = class(job, &group.name) == Some(Class::Outdoor);
-        for (t, counts) in reader.counts.iter_mut().enumerate() {
-            let hour = clock.civil_hour(axis.day[t], axis.hour[t]);
-            *counts = !outdoor || (OUTDOOR_H[0]..=OUTDOOR_H[1]).contains(&hour);
-        }
+        let class = results.class(&group.name);
+        reader.counts = calendar.counts(class, &clock);
         let mut reading = reader.read(group)?;
-        if outdoor && reading.group.not_evaluated.is_none() {
+        if class == Some(Class::Outdoor) && reading.group.not_evaluated.is_none() {
             reading.group.notes.push("only times from 6 to 22 h count".into());
         }
-        sheet::points(&mut table, group, &reading, &hits, [&annual, &normal], &clock, &axis);
+        sheet.add(&mut table, group, &reading)?;
         if reading.group.not_evaluated.is_none() {
-            let name = map(&format!("{}.csv", occurrence(number, &group.name)));
-            let path = job.folder.prepare(&name)?;
-            let text = sheet::occurrence(&reading, &surfaces, &clock, &axis);
-            seal::write_bytes(&path, text.as_bytes())
-                .map_err(|source| Error::Write { path, source })?;
+            let receiver = ReceiverId { number, name: &group.name };
+            let file = ReceiverFile::Occurrence;
+            let name = job.folder.receiver(&candidate.name, &set.name, receiver, file);
+            job.folder.write(&name, |out| {
+                let mut table = Table::of::<OccurrenceRow>(out)?;
+                for row in occurrence(&reading, &surfaces, &clock, &calendar.axis) {
+                    table.push(row)?;
+                }
+                table.finish().map(|_| ())
+            })?;
             outputs.push(name);
         }
         all.groups.push(reading.group);
         job.progress.advance(1);
     }
     job.progress.finish();
-    let text = serde_json::to_vec_pretty(&all).map_err(std::io::Error::from)?;
-    for (name, bytes) in [("receivers.json", text), ("sensors.csv", table.into_bytes())] {
-        let path = job.folder.at(&map(name));
-        seal::write_bytes(&path, &bytes).map_err(|source| Error::Write { path, source })?;
-        outputs.push(map(name));
-    }
+    let received = job.folder.received(&candidate.name, &set.name);
+    job.folder.write_json(&received, &all)?;
+    let sensors = job.folder.sensors(&candidate.name, &set.name);
+    let table = table.finish()?;
+    job.folder.write(&sensors, |out| out.write_all(&table))?;
+    outputs.extend([received, sensors]);
     let cache = store.as_ref().map(Store::cache_stats);
     let facts = json!({ "receivers": all.groups.len(), "cache": cache });
     Ok(Made::new(outputs, facts))
-}
-
-/// `occurrence/01-church-tower`: where the times of a group lie, without an extension.
-pub(in crate::run) fn occurrence(number: usize, name: &str) -> String {
-    let plain: String = name
-        .chars()
-        .map(|c| if c.is_ascii_alphanumeric() { c.to_ascii_lowercase() } else { '-' })
-        .collect();
-    let words: Vec<&str> = plain.split('-').filter(|w| !w.is_empty()).collect();
-    let mut short = words.join("-");
-    short.truncate(40);
-    format!("occurrence/{:02}-{short}", number + 1)
-}
-
-/// What arrives at the groups of a set, from their file.
-pub(in crate::run) fn read_received(
-    job: &Job<'_>,
-    candidate: &Candidate,
-    set: &PlannedView,
-) -> Result<Received, Error> {
-    let path = job.folder.at(&job.folder.map(&candidate.name, &set.name, "receivers.json"));
-    let text = std::fs::read(&path).map_err(|source| Error::Read { path: path.clone(), source })?;
-    serde_json::from_slice(&text).map_err(|e| Error::Manifest { path, message: e.to_string() })
 }

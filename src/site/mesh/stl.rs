@@ -117,11 +117,11 @@ fn text(mesh: &mut Mesh, text: &str, stem: &str) -> Result<(), (usize, String)> 
                 });
                 corners = 0;
             }
-            "" | "triangle" | "outer" | "endtriangle" | "endsolid" => {}
+            "" | "facet" | "outer" | "endfacet" | "endsolid" => {}
             other => {
                 return Err((
                     number,
-                    format!("expected triangle, vertex or endloop, found `{other}`"),
+                    format!("expected facet, vertex or endloop, found `{other}`"),
                 ));
             }
         }

@@ -29,6 +29,8 @@ pub struct Source {
     pub named: Vec<Named>,
     /// Names that a `pub use` hands on, with where they come from.
     pub reexports: BTreeMap<String, Vec<String>>,
+    /// String literals with their lines; those of attributes and documentation are left out.
+    pub strings: Vec<(String, usize)>,
 }
 
 /// Reads a file of the crate; `name` is its path below `src/`.
@@ -49,11 +51,13 @@ pub fn read(name: &str, text: &str) -> syn::Result<Source> {
         aliases: BTreeMap::new(),
         named: Vec::new(),
         reexports: BTreeMap::new(),
+        strings: Vec::new(),
         is_door: name.ends_with("mod.rs"),
     };
     // Names that `use` lines bring in stand for their paths everywhere in the file.
     reader.visit_file(&file);
-    Ok(Source { module, named: reader.named, reexports: reader.reexports })
+    let Reader { named, reexports, strings, .. } = reader;
+    Ok(Source { module, named, reexports, strings })
 }
 
 /// `render/view/hits.rs` is the module `render::view::hits`, `render/view/mod.rs` its parent.
@@ -75,6 +79,7 @@ struct Reader {
     aliases: BTreeMap<String, Vec<String>>,
     named: Vec<Named>,
     reexports: BTreeMap<String, Vec<String>>,
+    strings: Vec<(String, usize)>,
     is_door: bool,
 }
 
@@ -185,6 +190,16 @@ impl<'ast> Visit<'ast> for Reader {
             self.note(&names, path.span().start().line, false);
         }
         syn::visit::visit_path(self, path);
+    }
+
+    fn visit_attribute(&mut self, attribute: &'ast syn::Attribute) {
+        let before = self.strings.len();
+        syn::visit::visit_attribute(self, attribute);
+        self.strings.truncate(before);
+    }
+
+    fn visit_lit_str(&mut self, literal: &'ast syn::LitStr) {
+        self.strings.push((literal.value(), literal.span().start().line));
     }
 
     fn visit_macro(&mut self, mac: &'ast syn::Macro) {

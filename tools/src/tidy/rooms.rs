@@ -82,6 +82,16 @@ pub const HOMES: &[(&str, &[&str])] = &[
     ("bincode", &["formats/src/gmp"]),
 ];
 
+/// The rooms that know the files of a run, and where alone those are named.
+pub const ARTIFACTS: (&[&str], &str) =
+    (&["project", "receivers", "report", "run"], "project/artifacts");
+
+/// How the names of files of a run end, and of the channels in them.
+pub const ENDINGS: &[&str] = &[
+    ".csv", ".exr", ".geojson", ".gmh", ".gmp", ".hdr", ".html", ".json", ".jsonl", ".notes",
+    ".npy", ".png", ".zarr", ".wh_m2", ".w_m2", ".cd_m2", ".h",
+];
+
 /// Files that import each other and may: parent and child of one thing. The list only shrinks: a
 /// circle that isn't listed is refused, and so is an entry that is no circle any more.
 pub const CIRCLES: &[&[&str]] = &[

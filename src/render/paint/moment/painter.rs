@@ -17,7 +17,7 @@ use crate::base::{Frame, Grid, Progress, Purpose, Stream};
 use crate::render::paint::palette;
 use crate::render::paint::palette::Palette;
 use crate::render::paint::sky_directions::directions;
-use crate::render::reflect::eye::{EyeMaterial, SunAt};
+use crate::render::reflect::eye::{EyeMaterial, SunAt, UnderSun};
 use crate::render::view::camera::{View, ViewRay};
 use crate::render::view::error::Error;
 use crate::render::view::hits::{Met, surfaces_along};
@@ -50,6 +50,8 @@ pub struct Moment<'a> {
     watts: f64,
     sky: ClearSky,
     materials: Vec<EyeMaterial<'a>>,
+    /// Front and back of each PV surface under the sun.
+    sunlit: Vec<[UnderSun<'a>; 2]>,
     palette: Palette,
     directions: Vec<DVec3>,
     sun_tint: Vec3,
@@ -64,7 +66,14 @@ impl<'a> Moment<'a> {
         lm_per_w: f64,
         materials: Vec<EyeMaterial<'a>>,
     ) -> Self {
+        let sunlit = site.pv.iter().zip(&materials).map(|(pv, material)| {
+            [pv.normal, -pv.normal].map(|normal| {
+                let frame = Frame::around(normal.normalize());
+                material.under(&sun, frame.local_from_world(sun.direction))
+            })
+        });
         Self {
+            sunlit: sunlit.collect(),
             sky: ClearSky::new(sun.direction, sun.irradiance_w_m2 * lm_per_w),
             watts: lm_per_w / WATT_LM,
             palette: Palette::of(site),
@@ -295,12 +304,12 @@ impl<'a> Moment<'a> {
         let material = &self.materials[usize::from(surface)];
         let from = (met.position + frame.z * LIFT_M).as_vec3();
         let out = frame.local_from_world(-direction);
-        let to_sun = frame.local_from_world(self.sun.direction);
+        let under = &self.sunlit[usize::from(surface)][usize::from(!front)];
         let mut seen = Vec3::ZERO;
-        if to_sun.z > 0.0 {
+        if frame.z.dot(self.sun.direction) > 0.0 {
             let passes = self.passes(from, self.sun.direction);
             if passes > 0.0 {
-                seen += self.sun_watts(material.shine(&self.sun, to_sun, out)) * passes;
+                seen += self.sun_watts(under.radiance(out)) * passes;
             }
         }
         let bsdf = material.bsdf();

@@ -1,9 +1,15 @@
+//! The terms of a scattering function over the suns of a facet: what a place of the PV sends to a
+//! direction, for many suns at once.
+
 use glam::DVec3;
+use rayon::prelude::*;
 
 use super::lobe::Lobe;
 use super::suns::Suns;
-use crate::bsdf::{FacetTerm, Measured, Term};
+use crate::bsdf::{Cone, FacetTerm, Measured, Term};
+use crate::render::reflect::disc::Disc;
 use crate::render::reflect::lobe::FacetLobe;
+use crate::render::reflect::sunlit::{DiscPart, disc_parts, span_of};
 
 /// A term of a scattering function over the suns of a facet, in the form that is evaluated for
 /// many suns at once: in single precision, one array for each number.
@@ -13,10 +19,10 @@ pub(super) enum Kernel<'a> {
     Ground { term: Option<FacetTerm<'a>>, from: Vec<f32> },
     /// GGX facets over a ground.
     Lobe(Box<Lobe>),
-    /// Patches of a file: by outgoing patch, then sun.
+    /// Patches of a file: the mean over the disc by outgoing patch, then sun.
     Patches { measured: &'a Measured, rows: Vec<f32>, suns: usize },
-    /// Cells of a file, one sun after the other.
-    Cells { measured: &'a Measured, share: f64 },
+    /// Cells of a file, one sun after the other: the parts of each sun's disc, from `first[sun]` on.
+    Cells { measured: &'a Measured, share: f64, parts: Vec<DiscPart>, first: Vec<u32> },
 }
 
 /// Suns to be evaluated: gathered from [`Suns`] and a kernel.
@@ -30,10 +36,10 @@ pub(super) struct Gathered {
     pub hidden: Vec<f32>,
 }
 
-/// A point of a rule on a cell, as the spot sees it.
+/// A point of a rule on a cell, as the receiver sees it.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Point {
-    /// Towards the spot, in the facet's frame.
+    /// Towards the receiver, in the facet's frame.
     pub out: DVec3,
     /// Irradiance of the surface, and of a plane that faces the beam, for each unit of radiance.
     pub surface: f64,
@@ -41,7 +47,7 @@ pub(super) struct Point {
 }
 
 impl<'a> Kernel<'a> {
-    pub(super) fn of(share: f64, term: Term<'a>, suns: &Suns) -> Self {
+    pub(super) fn of(share: f64, term: Term<'a>, suns: &Suns, disc: &Disc) -> Self {
         let by_sun = |of: &dyn Fn(f64) -> f64| -> Vec<f32> {
             let all = suns.direction.iter().zip(&suns.strength);
             all.map(|(d, s)| (share * f64::from(*s) * of(d.z)) as f32).collect()
@@ -56,21 +62,32 @@ impl<'a> Kernel<'a> {
                 };
                 Self::Lobe(Box::new(Lobe::of(FacetLobe::of(share, alpha, &term), from, suns)))
             }
-            Term::Measured(measured) => {
-                let patches = measured.patches();
-                if patches == 0 {
-                    return Self::Cells { measured, share };
-                }
-                let mut rows = Vec::with_capacity(patches * suns.len());
-                for out in 0..patches {
-                    rows.extend(suns.direction.iter().zip(&suns.strength).map(|(d, s)| {
-                        let value = measured.incident_patch(*d).map(|i| measured.value(i, out));
-                        (share * value.unwrap_or(0.0) * d.z * f64::from(*s)) as f32
-                    }));
-                }
-                Self::Patches { measured, rows, suns: suns.len() }
-            }
+            Term::Measured(measured) => Self::measured(share, measured, suns, disc),
         }
+    }
+
+    fn measured(share: f64, measured: &'a Measured, suns: &Suns, disc: &Disc) -> Self {
+        let of_sun = |sun: &DVec3| disc_parts(measured, *sun, disc);
+        let by_sun: Vec<Vec<DiscPart>> = suns.direction.par_iter().map(of_sun).collect();
+        let patches = measured.patches();
+        if patches > 0 {
+            let mut rows = Vec::with_capacity(patches * suns.len());
+            for out in 0..patches {
+                rows.extend(by_sun.iter().zip(&suns.strength).map(|(parts, strength)| {
+                    let value = |p: &DiscPart| p.weight * measured.patch_value(&p.of, out);
+                    let sum: f64 = parts.iter().map(value).sum();
+                    (share * f64::from(*strength) * sum) as f32
+                }));
+            }
+            return Self::Patches { measured, rows, suns: suns.len() };
+        }
+        let mut first = vec![0];
+        let mut parts = Vec::new();
+        for own in by_sun {
+            parts.extend(own);
+            first.push(parts.len() as u32);
+        }
+        Self::Cells { measured, share, parts, first }
     }
 
     /// Half-width of the lobe; `None` for what is smooth.
@@ -121,19 +138,66 @@ impl<'a> Kernel<'a> {
                     }
                 }
             }
-            Self::Cells { measured, share } => {
+            Self::Cells { measured, share, parts, first } => {
                 for point in points {
                     for ((&i, a), b) in list.iter().zip(&mut *surface).zip(&mut *normal) {
-                        let (sun, strength) =
-                            (suns.direction[i as usize], suns.strength[i as usize]);
-                        let value = share * measured.evaluate(sun, point.out) * sun.z;
-                        let value = value * f64::from(strength);
+                        let own =
+                            &parts[first[i as usize] as usize..first[i as usize + 1] as usize];
+                        let of = |p: &DiscPart| p.weight * measured.value(&p.of, point.out);
+                        let value = share * own.iter().map(of).sum::<f64>();
+                        let value = value * f64::from(suns.strength[i as usize]);
                         *a += (value * point.surface) as f32;
                         *b += (value * point.normal) as f32;
                     }
                 }
             }
         }
+    }
+
+    /// Smallest and largest radiance of a file among the directions of a cone, for the suns of a list.
+    pub(super) fn spans(&self, out: &Cone, suns: &Suns, list: &[u32], into: &mut Spans) {
+        let [low, high] = [&mut into.low, &mut into.high].map(|values| {
+            values.clear();
+            values.resize(list.len(), 0.0);
+            values
+        });
+        match self {
+            Self::Patches { measured, rows, suns } => {
+                let mut met = 0;
+                measured.patches_within(out, |patch| {
+                    let row = &rows[patch * suns..(patch + 1) * suns];
+                    for ((&i, low), high) in list.iter().zip(&mut *low).zip(&mut *high) {
+                        let value = row[i as usize];
+                        *low = if met == 0 { value } else { low.min(value) };
+                        *high = high.max(value);
+                    }
+                    met += 1;
+                });
+            }
+            Self::Cells { measured, share, parts, first } => {
+                for ((&i, low), high) in list.iter().zip(low).zip(high) {
+                    let own = &parts[first[i as usize] as usize..first[i as usize + 1] as usize];
+                    let factor = share * f64::from(suns.strength[i as usize]);
+                    let span = span_of(measured, own, out).map(|v| (factor * v) as f32);
+                    (*low, *high) = span.into();
+                }
+            }
+            Self::Ground { .. } | Self::Lobe(_) => {}
+        }
+    }
+}
+
+/// Smallest and largest radiances by sun, W/m2/sr.
+#[derive(Debug, Default)]
+pub(super) struct Spans {
+    low: Vec<f32>,
+    high: Vec<f32>,
+}
+
+impl Spans {
+    /// How far those of the k-th sun are apart.
+    pub(super) fn width(&self, k: usize) -> f32 {
+        self.high[k] - self.low[k]
     }
 }
 
@@ -217,7 +281,7 @@ mod tests {
                 let mut fit = 0.0;
                 for (share, term) in bsdf.terms() {
                     let mut sums = Sums::default();
-                    let kernel = Kernel::of(share, term, &suns);
+                    let kernel = Kernel::of(share, term, &suns, &Disc::new(0.0));
                     kernel.add_all(&[point], &suns, &list, &mut sums);
                     if let Kernel::Lobe(lobe) = &kernel {
                         fit = lobe.shape.fit;

@@ -3,6 +3,7 @@
 use super::kernel::{Point, Sums};
 use super::suns::Suns;
 use crate::base::MIN_COS;
+use crate::render::reflect::disc::DiscPoint;
 use crate::render::reflect::lobe::{FacetLobe, Outs};
 
 /// A lobe with all that depends on the suns alone.
@@ -15,10 +16,10 @@ pub(super) struct Lobe {
     pub hidden: Vec<f32>,
 }
 
-/// Places of the PV that stand for some area, as a spot sees them.
+/// Places of the PV that stand for some area, as a receiver sees them.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Ways {
-    /// From there to the spot in the facet's frame, m.
+    /// From there to the receiver in the facet's frame, m.
     pub way: [[f32; POINTS]; 3],
     /// Area, m2.
     pub area: [f32; POINTS],
@@ -29,21 +30,6 @@ impl Default for Ways {
         // Of no weight, but no division by 0 either.
         Self { way: [[0.0; POINTS], [0.0; POINTS], [1.0; POINTS]], area: [0.0; POINTS] }
     }
-}
-
-/// A point of the sun's disc.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Place {
-    /// In the sun's frame: to the side, up, and along.
-    pub at: [f32; 3],
-    /// Share of the disc.
-    pub share: f32,
-    /// Halves of the mean squares of the rest of the disc around it, to the side and up: the
-    /// second order of its mean.
-    pub second: [f32; 2],
-    /// Half of the height of the chord that it stands for, rad: over that the lobe's mean is exact.
-    /// 0 for a point.
-    pub chord: f32,
 }
 
 /// Points of a rule, at most.
@@ -67,13 +53,13 @@ impl Lobe {
     }
 
     /// Sun by sun, all points at once: for few suns, and for discs, which are `places`.
-    /// `toward`: the spot's normal, turned over, in the facet's frame.
+    /// `toward`: the receiver's normal, turned over, in the facet's frame.
     pub(super) fn add_points(
         &self,
         (ways, toward): (&Ways, [f32; 3]),
         suns: &Suns,
         list: &[u32],
-        places: &[Place],
+        places: &[DiscPoint],
         into: &mut Sums,
     ) {
         into.clear(list.len());
@@ -186,7 +172,7 @@ struct Eight<'a> {
     toward: [f32; 3],
     suns: &'a Suns,
     list: &'a [u32],
-    places: &'a [Place],
+    places: &'a [DiscPoint],
     into: &'a mut Sums,
 }
 

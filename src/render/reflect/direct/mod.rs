@@ -1,18 +1,18 @@
-//! The noise-free twin of the photons: for one reflection the irradiance at a spot is an integral
+//! The noise-free twin of the photons: for one reflection the irradiance at a receiver is an integral
 //! over the PV alone.
 //!
-//! Whether a part of the PV sees a sun doesn't depend on the spot, whether it sees the spot
+//! Whether a part of the PV sees a sun doesn't depend on the receiver, whether it sees the receiver
 //! doesn't depend on time. [`PvSight`] asks the first once; [`Direct::year`] integrates the PV's
-//! scattering over its cells for one spot and all suns, finer where a lobe is narrow, with a
+//! scattering over its cells for one receiver and all suns, finer where a lobe is narrow, with a
 //! bound of the error. Ideal mirrors are exact: the share of the sun's disc in a polygon.
 //! [`direct_series`] does so for all pixels of a view.
 
-mod cells;
-mod disc;
 mod fused;
 mod integral;
 mod kernel;
 mod lobe;
+mod quadrature;
+mod receiver;
 mod rule;
 mod scene;
 mod series;
@@ -21,6 +21,7 @@ mod specular;
 mod suns;
 #[cfg(test)]
 mod tests;
+mod visible;
 mod year;
 
 pub use fused::FusedDirect;

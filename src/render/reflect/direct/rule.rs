@@ -1,11 +1,18 @@
+//! Quadrature over a triangle of PV, and a cell as a receiver sees it.
+//!
+//! Whether a rule is good for a cell is known from one ratio, the cell's size beside the length over
+//! which the integrand changes: its error was tabulated by trial for the integrand's shape, see
+//! [`rule_error`].
+
 use glam::{DVec3, Vec3};
 
-use super::cells::Cell;
 use super::kernel::Point;
 use super::lobe::{POINTS, Ways};
-use super::scene::Spot;
+use super::receiver::ReceiverPoint;
 use crate::base::MIN_COS;
+use crate::bsdf::Cone;
 use crate::render::reflect::facet::Facet;
+use crate::render::reflect::pv::Cell;
 
 /// Points of a rule on a triangle and their weights.
 type Rule = &'static [([f64; 3], f64)];
@@ -40,6 +47,8 @@ const SEVEN: Rule = {
 
 /// The rules, from coarse to fine.
 pub(super) const RULES: [Rule; 3] = [ONE, THREE, SEVEN];
+/// Number of the finest.
+pub(super) const FINEST: usize = 2;
 /// Up to which ratio of a cell's radius to the length over which the integrand changes a rule is
 /// good: to [`rule_error`] there, that is to 1e-3 and a little more.
 pub(super) const GOOD: [f32; 3] = [0.025, 0.18, 0.6];
@@ -57,12 +66,12 @@ pub(super) fn rule_error(rule: usize, ratio: f32) -> f32 {
     }
 }
 
-/// A cell as a spot sees it.
+/// A cell as a receiver sees it.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Look {
-    /// From its corners to the spot, in the facet's frame, m.
+    /// From its corners to the receiver, in the facet's frame, m.
     pub ways: [Vec3; 3],
-    /// From its middle towards the spot.
+    /// From its middle towards the receiver.
     pub out: Vec3,
     /// How far that direction moves to each corner, across the facet's normal.
     pub offs: [[f32; 2]; 3],
@@ -74,8 +83,9 @@ pub(super) struct Look {
 }
 
 impl Look {
-    pub(super) fn at(cell: &Cell, facet: &Facet, spot: &Spot) -> Self {
-        let ways = cell.corners.map(|c| facet.frame.local_from_world(spot.position - c).as_vec3());
+    pub(super) fn at(cell: &Cell, facet: &Facet, receiver: &ReceiverPoint) -> Self {
+        let ways =
+            cell.corners.map(|c| facet.frame.local_from_world(receiver.position - c).as_vec3());
         let way = (ways[0] + ways[1] + ways[2]) * (1.0 / 3.0);
         let out = way / way.length();
         let (mut across2, mut along, mut radius2_m2) = (0.0_f32, 0.0_f32, 0.0_f32);
@@ -94,6 +104,14 @@ impl Look {
         Self { ways, out, offs, across: across2.sqrt(), along, near }
     }
 
+    /// A cone that holds the directions from all of the cell to the receiver.
+    pub(super) fn outs(&self) -> Cone {
+        let out = self.out.as_dvec3().normalize();
+        let cos = |way: &Vec3| way.as_dvec3().normalize().dot(out);
+        let least = self.ways.iter().map(cos).fold(1.0, f64::min);
+        Cone::new(out, libm::acos(least.max(-1.0)))
+    }
+
     /// The places of the finest rule, for the cell's share that is seen.
     pub(super) fn places(&self, area_m2: f64) -> Ways {
         let mut out = Ways::default();
@@ -106,29 +124,34 @@ impl Look {
         out
     }
 
-    /// The points of a rule, each worth its part of the cell's share that is seen.
+    /// The points of a rule, each worth its part of the area that is seen.
     pub(super) fn points(
         cell: &Cell,
         facet: &Facet,
-        spot: &Spot,
+        receiver: &ReceiverPoint,
         rule: usize,
-        share: f64,
+        area_m2: f64,
         into: &mut Vec<Point>,
     ) {
-        let (area_m2, [a, b, c]) = (cell.area_m2() * share, cell.corners);
+        let [a, b, c] = cell.corners;
         into.extend(RULES[rule].iter().filter_map(|&([u, v, w], weight)| {
-            Self::point(a * u + b * v + c * w, weight * area_m2, facet, spot)
+            Self::point(a * u + b * v + c * w, weight * area_m2, facet, receiver)
         }));
     }
 
-    /// A place of the PV that stands for some area; `None` where spot and PV don't face each
+    /// A place of the PV that stands for some area; `None` where receiver and PV don't face each
     /// other.
-    pub(super) fn point(place: DVec3, area_m2: f64, facet: &Facet, spot: &Spot) -> Option<Point> {
-        let way = spot.position - place;
+    pub(super) fn point(
+        place: DVec3,
+        area_m2: f64,
+        facet: &Facet,
+        receiver: &ReceiverPoint,
+    ) -> Option<Point> {
+        let way = receiver.position - place;
         let away2_m2 = way.length_squared();
         let towards = way / away2_m2.sqrt();
         let out = facet.frame.local_from_world(towards);
-        let cos = -spot.normal.dot(towards);
+        let cos = -receiver.normal.dot(towards);
         if out.z <= 0.0 || cos <= 0.0 {
             return None;
         }

@@ -1,17 +1,23 @@
+//! Which suns each part of the PV sees: all that depends neither on materials nor on where light
+//! goes, so that it is asked once for all receivers and materials.
+//!
+//! Every node of a triangle's lattice is asked for every sun. A cell whose corners agree sees what they
+//! see; of one that a shadow's border crosses 16 parts are asked. Coarser cells have the mean of their
+//! four, and a bit that says whether it is the same all over, so that whoever descends knows at once
+//! where no border is.
+
 use glam::DVec3;
 use rayon::prelude::*;
 
-use super::cells::{Cell, Lattice};
 use super::suns::Suns;
 use crate::base::{Progress, Timeline};
 use crate::render::reflect::facet::{Facet, facets};
+use crate::render::reflect::pv::{Cell, PvTriangle, levels};
 use crate::render::view::error::Error;
 use crate::site::Site;
 
 /// Edge of the cells between whose corners the PV is asked what it sees, m.
 const CELL_M: f64 = 0.5;
-/// Levels that a triangle is halved at most before it is asked: a million cells.
-const MOST_LEVELS: u32 = 10;
 /// Cells times suns; with more, cells are larger.
 const MOST_ANSWERS: usize = 1 << 27;
 /// Parts that a cell on a shadow's border is asked in.
@@ -70,16 +76,10 @@ pub struct PvSight {
     pub(super) roots: Vec<Rooted>,
 }
 
-/// A triangle of PV with the level at which it is asked what it sees, and the suns that its cells
-/// see.
+/// A triangle of PV and the suns that its cells see.
 #[derive(Debug)]
 pub(super) struct Rooted {
-    /// Index of the facet.
-    pub facet: usize,
-    pub cell: Cell,
-    /// Level of the cells that are asked.
-    pub asked: u32,
-    pub lattice: Lattice,
+    pub triangle: PvTriangle,
     /// Middles of the asked cells.
     pub middles: Vec<DVec3>,
     /// Suns of the facet.
@@ -114,18 +114,19 @@ impl PvSight {
             let count = suns[number].len();
             roots.extend(facet.triangles.iter().map(|t| Rooted::new(number, *t, cell_m, count)));
         }
-        let nodes: u64 = roots.iter().map(|r| r.lattice.len() as u64).sum();
+        let nodes: u64 = roots.iter().map(|r| r.triangle.lattice.len() as u64).sum();
         progress.begin("sun on the PV", nodes, "places");
         for root in &mut roots {
-            let facet = &facets[root.facet];
-            let directions: Vec<DVec3> = suns[root.facet]
+            let facet = &facets[root.triangle.facet];
+            let directions: Vec<DVec3> = suns[root.triangle.facet]
                 .direction
                 .iter()
                 .map(|d| facet.frame.world_from_local(*d))
                 .collect();
-            let months = &suns[root.facet].month;
+            let months = &suns[root.triangle.facet].month;
             let passes = |place: DVec3, sun: usize| {
-                let (start, way) = (facet.lifted(place).as_vec3(), directions[sun].as_vec3());
+                let start = facet.ray_start(place, directions[sun]).as_vec3();
+                let way = directions[sun].as_vec3();
                 let month = usize::from(months[sun]);
                 LitPart::even(if sun_visibility {
                     site.transmittance(start, way, f32::INFINITY, month)
@@ -157,24 +158,10 @@ fn cell_m(facets: &[Facet], suns: &[Suns]) -> f64 {
     }
 }
 
-/// How often a triangle is halved until its longest edge is `cell_m` at most.
-fn levels(corners: &[DVec3; 3], cell_m: f64) -> u32 {
-    let longest = (0..3).map(|i| corners[i].distance(corners[(i + 1) % 3])).fold(0.0, f64::max);
-    let mut levels = 0;
-    while longest / f64::from(1_u32 << levels) > cell_m && levels < MOST_LEVELS {
-        levels += 1;
-    }
-    levels
-}
-
 impl Rooted {
     fn new(facet: usize, corners: [DVec3; 3], cell_m: f64, suns: usize) -> Self {
-        let asked = levels(&corners, cell_m);
         Self {
-            facet,
-            cell: Cell::whole(corners, asked),
-            asked,
-            lattice: Lattice::new(corners, asked),
+            triangle: PvTriangle::new(facet, corners, cell_m),
             middles: Vec::new(),
             suns,
             lit: Vec::new(),
@@ -184,7 +171,7 @@ impl Rooted {
     /// What part of a cell each sun lights; below the asked level what its asked cell says.
     #[inline]
     pub(super) fn lit(&self, cell: &Cell) -> &[LitPart] {
-        let level = cell.level.min(self.asked);
+        let level = cell.level.min(self.triangle.asked);
         let row = cell.index >> (2 * (cell.level - level));
         &self.lit[level as usize][row * self.suns..(row + 1) * self.suns]
     }
@@ -196,26 +183,26 @@ impl Rooted {
         passes: &(impl Fn(DVec3, usize) -> LitPart + Sync),
         progress: &dyn Progress,
     ) -> Result<(), Error> {
-        let (suns, nodes) = (self.suns, self.lattice.nodes());
+        let (suns, nodes) = (self.suns, self.triangle.lattice.nodes());
         if suns == 0 {
             return Ok(());
         }
         let mut at_node = vec![LitPart::default(); nodes.len() * suns];
         at_node.par_chunks_mut(suns).zip(&nodes).try_for_each(|(row, node)| {
             progress.check()?;
-            let place = self.lattice.place(*node);
+            let place = self.triangle.lattice.place(*node);
             for (sun, answer) in row.iter_mut().enumerate() {
                 *answer = passes(place, sun);
             }
             progress.advance(1);
             Ok::<(), Error>(())
         })?;
-        let cells = self.cell.below(self.asked);
+        let cells = self.triangle.cell.below(self.triangle.asked);
         self.middles = cells.iter().map(Cell::middle).collect();
         let mut lit = vec![LitPart::default(); cells.len() * suns];
         lit.par_chunks_mut(suns).zip(&cells).try_for_each(|(row, cell)| {
             progress.check()?;
-            let corners = cell.nodes.map(|node| self.lattice.number(node) * suns);
+            let corners = cell.nodes.map(|node| self.triangle.lattice.number(node) * suns);
             let mut parts = Vec::new();
             for (sun, answer) in row.iter_mut().enumerate() {
                 let said = corners.map(|at| at_node[at + sun]);
@@ -231,7 +218,7 @@ impl Rooted {
             Ok::<(), Error>(())
         })?;
         self.lit = vec![lit];
-        for level in 0..self.asked as usize {
+        for level in 0..self.triangle.asked as usize {
             let coarser = self.lit[level].chunks_exact(4 * suns).flat_map(|rows| {
                 (0..suns)
                     .map(move |sun| LitPart::of([0, 1, 2, 3].map(|part| rows[part * suns + sun])))

@@ -2,18 +2,17 @@ use std::ops::Range;
 
 use glam::DVec3;
 
-use super::disc::Disc;
-use super::lobe::Place;
-use super::scene::Spot;
+use super::receiver::ReceiverPoint;
 use super::suns::Suns;
 use super::year::DirectYear;
 use crate::base::Frame;
 use crate::base::MIN_COS;
 use crate::bsdf::Bsdf;
+use crate::render::reflect::disc::{Disc, DiscPoint};
 use crate::render::reflect::facet::Facet;
 use crate::site::Site;
 
-/// What an ideal mirror throws at one spot: the mirror image of the spot behind the plane looks
+/// What an ideal mirror throws at one receiver: the receiver's mirror image behind the plane looks
 /// at the sun through the facet; the share of the disc that it sees there is what arrives.
 pub(super) struct Specular<'a> {
     pub site: &'a Site,
@@ -21,8 +20,8 @@ pub(super) struct Specular<'a> {
     pub bsdf: &'a Bsdf,
     pub disc: &'a Disc,
     /// Points of the disc in a sun's frame.
-    pub points: &'a [Place],
-    pub spot: &'a Spot,
+    pub points: &'a [DiscPoint],
+    pub receiver: &'a ReceiverPoint,
     pub max_path_m: f64,
     pub sun_visibility: bool,
 }
@@ -37,8 +36,8 @@ impl Specular<'_> {
         year: &mut DirectYear,
     ) {
         let normal = self.facet.frame.z;
-        let before_m = self.facet.before_m(self.spot.position);
-        let image = self.spot.position - normal * (2.0 * before_m);
+        let before_m = self.facet.before_m(self.receiver.position);
+        let image = self.receiver.position - normal * (2.0 * before_m);
         let corners = triangle.map(|c| c - image);
         let middle = (corners[0] + corners[1] + corners[2]).normalize();
         let angle = |c: &DVec3| libm::acos((c.dot(middle) / c.length()).clamp(-1.0, 1.0));
@@ -54,9 +53,9 @@ impl Specular<'_> {
             let sun = suns.in_world(self.facet, i);
             let share = self.disc.share(&sun, &corners);
             let away_m = before_m / local_sun.z;
-            // Where the reflected sun stands, seen from the spot.
+            // Where the reflected sun stands, seen from the receiver.
             let towards = sun.z - normal * (2.0 * local_sun.z);
-            let cos = self.spot.normal.dot(towards);
+            let cos = self.receiver.normal.dot(towards);
             if share <= 0.0 || cos <= 0.0 || away_m > self.max_path_m {
                 continue;
             }
@@ -74,7 +73,7 @@ impl Specular<'_> {
     /// Share of the light of the disc's points in the triangle that passes on both sides, and
     /// whether it isn't the same for all.
     fn free(&self, sun: &Frame, corners: &[DVec3; 3], image: DVec3, month: usize) -> (f64, bool) {
-        let before_m = self.facet.before_m(self.spot.position);
+        let before_m = self.facet.before_m(self.receiver.position);
         let edges = [0, 1, 2].map(|i| corners[i].cross(corners[(i + 1) % 3]));
         let (mut inside, mut free) = (0.0, 0.0);
         let (mut least, mut most) = (1.0_f64, 0.0_f64);
@@ -86,7 +85,7 @@ impl Specular<'_> {
             }
             inside += 1.0;
             let start = self.facet.lifted(image + at * (before_m / cos));
-            let way = self.spot.eye - start;
+            let way = self.receiver.ray_end - start;
             let length = way.length();
             let passes = |way: DVec3, most: f64| {
                 let (from, way) = (start.as_vec3(), way.as_vec3());

@@ -1,4 +1,4 @@
-/// What arrives at one spot, by timestep. Only timesteps in `lit` are not 0.
+/// What arrives at one receiver, by timestep. Only timesteps in `lit` are not 0.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct DirectYear {
     /// Irradiance of the surface, W/m2, by timestep.
@@ -14,7 +14,7 @@ pub struct DirectYear {
 impl DirectYear {
     pub(super) fn clear(&mut self, timesteps: usize) {
         for list in [&mut self.surface_w_m2, &mut self.normal_w_m2, &mut self.error_w_m2] {
-            // A year has many timesteps, of which a spot sees some.
+            // A year has many timesteps, of which a receiver sees some.
             for &step in &self.lit {
                 list[step as usize] = 0.0;
             }

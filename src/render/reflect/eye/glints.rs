@@ -1,13 +1,25 @@
+//! All that shines at an eye at an instant, patch by patch.
+//!
+//! A triangle of PV is split until what a patch sends is known from its middle. For models that is
+//! where its half vectors spread less than a part of the length over which the lobe changes. A
+//! measured BSDF has beams wherever its makers found them, and cells with sharp borders: there the
+//! smallest and the largest value of all cells that the patch may touch are known, and the patch that
+//! leaves most in doubt is split, again and again, until all doubt together is small beside what
+//! arrives. So a face that lies within one cell is one patch, and a beam's border gets many, however
+//! far it lies from the mirrored direction.
+
+use std::cmp::Ordering;
+use std::collections::BinaryHeap;
 use std::f64::consts::PI;
-use std::sync::Arc;
 
 use glam::DVec3;
 
-use super::patches::{EyePv, LitPv, Patch, Root, Seen};
-use super::shine::{Shine, Waiting};
+use super::material::{EyeMaterial, UnderSun, WAYS};
+use super::patches::{EyePv, LitPv, Root, Seen, Shining};
+use super::shine::Waiting;
 use crate::base::Frame;
-use crate::bsdf::{Bsdf, Term, on_circle};
-use crate::site::Site;
+use crate::bsdf::Cone;
+use crate::render::reflect::pv::{Cell, SEEN, radius_m, solid_angle_sr};
 
 /// A patch of PV that shines at an eye.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -33,181 +45,26 @@ pub struct SunAt {
     pub diameter_deg: f64,
 }
 
-/// How a PV surface scatters, with the width of its lobe.
-#[derive(Clone, Debug)]
-pub struct EyeMaterial<'a> {
-    bsdf: &'a Bsdf,
-    terms: Arc<[Shine<'a>]>,
-    /// Half-width of the lobe as tilts of its half vectors, rad; infinite where there is none.
-    width: f64,
-    /// How fast all that isn't mirrored changes with the tilt of half vectors.
-    falls: Falls,
-}
-
-/// How a scattering function changes with the tilt of half vectors.
-#[derive(Clone, Copy, Debug)]
-enum Falls {
-    /// As lobes of facets do, none narrower than this alpha; infinite: an even ground alone.
-    Facets(f64),
-    /// As a file says: nothing is known but the half-width of its lobe, rad.
-    File(f64),
-}
-
 /// A patch is looked at through its middle once its half vectors spread less than this share of
-/// the lobe's width.
+/// the length over which the lobe changes: `sqrt(width^2 + tilt^2)`.
 const FINE: f64 = 0.15;
 /// A patch is at least as fine as that as seen from the eye, rad.
 const WIDEST: f64 = 0.1;
 /// Patches that are partly in sight or in shadow are split within so many widths of the lobe;
 /// farther off it hardly matters which part it is.
 const NEAR_WIDTHS: f64 = 4.0;
-/// Radius of the sun's disc beside the length over which the lobe changes: up to the first its
-/// middle stands for it (of facets with its second order, to 1e-3, of files to 5e-3), up to the second
-/// four points (to 1e-3), beyond it all.
-const FACETS_RATIOS: [f64; 2] = [0.14, 0.25];
-const FILE_RATIOS: [f64; 2] = [0.05, 0.25];
-/// A sun so many radii over the PV is seen by facets alike; below, as files are looked at.
-const LOW_RADII: f64 = 20.0;
-/// Ways in which the disc is looked at.
-const WAYS: usize = 3;
-/// Fresnel's reflectance changes its logarithm by up to that with a radian of tilt; with
-/// what hides facets from one another, towards grazing angles, by up to the second.
-const STEADY_PER_RAD: [f64; 2] = [6.0, 20.0];
-/// How fast a file's lobe changes its logarithm, in widths of the lobe.
-const STEEPNESS: f64 = 3.0;
 /// Halvings below the cells.
 const DEEPER: u32 = 9;
-/// Points of the sun's disc: on rings of equal area.
-const RINGS: usize = 4;
-const AROUND: usize = 8;
-/// Angle of incidence at which a lobe's width is measured, degrees.
-const MEASURED_AT_DEG: f64 = 60.0;
-
-impl<'a> EyeMaterial<'a> {
-    /// Finds the lobe's width.
-    pub fn new(bsdf: &'a Bsdf) -> Self {
-        let terms = bsdf.terms();
-        let alphas = terms.iter().filter_map(|(_, term)| match term {
-            Term::Lobe(term) => term.alpha(),
-            Term::Even(_) | Term::Measured(_) => None,
-        });
-        let alpha = alphas.fold(f64::INFINITY, f64::min);
-        let file = terms.iter().any(|(_, term)| matches!(term, Term::Measured(_)));
-        // Half vectors turn by half of what directions turn.
-        let measured = || bsdf.lobe(MEASURED_AT_DEG).width_deg.to_radians() / 4.0;
-        let falls = match file {
-            true => Falls::File(measured().min(alpha)),
-            false => Falls::Facets(alpha),
-        };
-        let (Falls::File(rough) | Falls::Facets(rough)) = falls;
-        let width = if bsdf.has_delta() { 0.0 } else { rough };
-        Self { bsdf, terms: Shine::terms(bsdf).into(), width, falls }
-    }
-
-    /// That of each PV surface; `bsdfs` by the entry of the project that selects it.
-    pub fn by_surface(bsdfs: &'a [Bsdf], site: &Site) -> Vec<Self> {
-        let each: Vec<Self> = bsdfs.iter().map(Self::new).collect();
-        site.pv.iter().map(|surface| each[surface.entry].clone()).collect()
-    }
-
-    /// How many times brighter all that isn't mirrored may get, beside the sun's strength, while
-    /// half vectors that are tilted by `tilt` at least turn by `turned`, rad. A lobe of facets goes
-    /// with `(tilt^2 + alpha^2)^-2`: that grows fastest where it is already close.
-    pub(super) fn growth(&self, tilt: f64, turned: f64) -> f64 {
-        match self.falls {
-            Falls::File(width) => libm::exp(STEEPNESS * turned / width.min(1.0)),
-            Falls::Facets(alpha) => {
-                let [fresnel, most] = STEADY_PER_RAD;
-                let steady = libm::exp((1.0 / alpha).clamp(fresnel, most) * turned);
-                if alpha.is_infinite() {
-                    return steady;
-                }
-                let alpha2 = alpha * alpha;
-                let steepest = 0.5 * (turned + (turned * turned + 4.0 * alpha2).sqrt());
-                let before = tilt.max(steepest);
-                let after = before - turned;
-                let ratio = (before * before + alpha2) / (after * after + alpha2);
-                ratio * ratio * steady
-            }
-        }
-    }
-
-    /// Half-width of its lobe as tilts of half vectors, rad; 0 where it mirrors, infinite where it
-    /// has none.
-    pub fn width(&self) -> f64 {
-        self.width
-    }
-
-    /// How it scatters.
-    pub fn bsdf(&self) -> &'a Bsdf {
-        self.bsdf
-    }
-
-    /// Radiance of a point of PV that the sun lights, W/m2/sr: the sun's disc is integrated where the
-    /// lobe is narrow, and mirrored where the material mirrors. Directions in the PV's frame.
-    pub fn shine(&self, sun: &SunAt, to_sun: DVec3, out: DVec3) -> f64 {
-        let half = to_sun + out;
-        let across = libm::hypot(half.x, half.y) / half.length().max(1e-12);
-        let mut waiting = Waiting::default();
-        let dark = Glint { towards: out, solid_angle_sr: 0.0, radiance_w_m2_sr: 0.0, surface: 0 };
-        waiting.push(dark, out);
-        let mut glints = Vec::new();
-        let way = self.way(sun, to_sun, half.length(), across);
-        self.light(sun, to_sun, (way, &mut waiting), &mut glints);
-        glints.first().map_or(0.0, |glint| glint.radiance_w_m2_sr)
-    }
-
-    /// In which way the sun's disc is looked at from a patch: by the length of the sum of both
-    /// directions and the tilt of the half vector.
-    fn way(&self, sun: &SunAt, to_sun: DVec3, length: f64, tilt: f64) -> usize {
-        let high = to_sun.z > LOW_RADII * sun.radius_rad();
-        let (width, [point, few]) = match self.falls {
-            Falls::Facets(width) if high => (width, FACETS_RATIOS),
-            Falls::Facets(width) | Falls::File(width) => (width, FILE_RATIOS),
-        };
-        let ratio = sun.radius_rad() / (length.max(0.2) * (width * width + tilt * tilt).sqrt());
-        usize::from(ratio >= point) + usize::from(ratio >= few)
-    }
-
-    /// Radiances of the patches that wait for one way of looking at the sun's disc.
-    fn light(
-        &self,
-        sun: &SunAt,
-        to_sun: DVec3,
-        (way, waiting): (usize, &mut Waiting),
-        into: &mut Vec<Glint>,
-    ) {
-        let radius = sun.radius_rad();
-        let frame = Frame::around(to_sun);
-        let around = |r: f64, from: f64, count: usize| {
-            (0..count).map(move |i| {
-                let (x, y) = on_circle((i as f64 + from) / count as f64);
-                (frame.z + frame.x * (r * x) + frame.y * (r * y)).normalize()
-            })
-        };
-        let places: Vec<DVec3> = match way {
-            0 => vec![to_sun],
-            1 => around(radius * std::f64::consts::FRAC_1_SQRT_2, 0.0, 4).collect(),
-            _ => (0..RINGS)
-                .flat_map(|ring| {
-                    let r = radius * ((ring as f64 + 0.5) / RINGS as f64).sqrt();
-                    around(r, 0.5 * (ring % 2) as f64, AROUND)
-                })
-                .collect(),
-        };
-        // The mean square to each side is a quarter of the radius squared.
-        let second = if way == 0 { radius * radius / 8.0 } else { 0.0 };
-        let delta = self.bsdf.has_delta().then(|| self.bsdf.mirrored(to_sun));
-        let edge = libm::cos(radius);
-        let mirrored = |out: DVec3| match delta {
-            Some(share) if DVec3::new(-out.x, -out.y, out.z).dot(to_sun) > edge => {
-                share / sun.solid_angle_sr()
-            }
-            _ => 0.0,
-        };
-        waiting.light(&self.terms, sun, (&places, second), &mirrored, into);
-    }
-}
+/// What is left in doubt of measured patches, beside what they send; and beside the sun, where they
+/// send next to nothing: a thousandth of a W/m2.
+const DOUBT: f64 = 0.01;
+const DOUBT_OF_SUN: f64 = 1e-6;
+/// A straight border between two values, through a patch of which four parts are looked at, is missed by
+/// less than that part of their difference (by trial).
+const BORDER_MISSES: f64 = 0.31;
+/// Patches of measured surfaces in which an instant is looked at, at most; the bound says what that
+/// leaves.
+const MOST_PATCHES: usize = 1 << 13;
 
 impl SunAt {
     /// Radius of the disc, rad; a point sun is taken for a very small one.
@@ -221,20 +78,87 @@ impl SunAt {
     }
 }
 
+/// What is being looked at: one triangle of PV.
 struct Looking<'a> {
-    seen: &'a Seen,
-    lit: &'a LitPv,
+    eye: DVec3,
     sun: &'a SunAt,
-    material: &'a EyeMaterial<'a>,
+    under: &'a UnderSun<'a>,
     root: &'a Root,
+    shining: &'a Shining,
     frame: Frame,
-    to_sun: DVec3,
     surface: u16,
+}
+
+/// A part of a triangle.
+#[derive(Clone, Copy, Debug)]
+enum Patch {
+    /// Cells, of which some may be hidden or dark.
+    Cells(Cell),
+    /// A piece that is in sight and lit by the same share all over, and its halvings below the
+    /// cells.
+    Piece { corners: [DVec3; 3], share: f64, halvings: u32 },
+}
+
+/// A patch as the eye sees it.
+#[derive(Clone, Copy, Debug)]
+struct Look {
+    patch: Patch,
+    /// What of it is in sight and lit, sr.
+    solid_sr: f64,
+    /// From its middle to the eye, a unit vector; the same in the frame of the PV.
+    towards_eye: DVec3,
+    out: DVec3,
+    /// Its radius as seen from the eye, rad.
+    angle: f64,
+    /// Whether the same share of all of it shines.
+    even: bool,
+}
+
+/// A patch whose measured values aren't known from its middle.
+#[derive(Clone, Copy, Debug)]
+struct Doubt {
+    /// What it leaves in doubt, and what it sends, beside the sun's irradiance.
+    doubt: f64,
+    sends: f64,
+    /// Order of patches, so that equal doubts have one.
+    number: usize,
+    look: Look,
+}
+
+impl PartialEq for Doubt {
+    fn eq(&self, other: &Self) -> bool {
+        self.cmp(other).is_eq()
+    }
+}
+
+impl Eq for Doubt {}
+
+impl PartialOrd for Doubt {
+    fn partial_cmp(&self, other: &Self) -> Option<Ordering> {
+        Some(self.cmp(other))
+    }
+}
+
+impl Ord for Doubt {
+    fn cmp(&self, other: &Self) -> Ordering {
+        self.doubt.total_cmp(&other.doubt).then(other.number.cmp(&self.number))
+    }
+}
+
+/// The patches of a triangle that are in doubt.
+#[derive(Debug, Default)]
+struct Doubts {
+    heap: BinaryHeap<Doubt>,
+    count: usize,
+    /// Sums of what all patches, settled or not, leave in doubt and send.
+    doubt: f64,
+    sends: f64,
 }
 
 impl EyePv<'_> {
     /// All that shines at an eye; `materials` by PV surface. Finest where the sun is mirrored.
-    /// `into` is written over.
+    /// `into` is written over. Gives a bound of the error that the jumps of measured surfaces leave in
+    /// the irradiance, W/m2.
     pub fn look(
         &self,
         seen: &Seen,
@@ -242,64 +166,217 @@ impl EyePv<'_> {
         sun: &SunAt,
         materials: &[EyeMaterial<'_>],
         into: &mut Vec<Glint>,
-    ) {
+    ) -> f64 {
         into.clear();
         let mut waiting: [Waiting; WAYS] = Default::default();
-        for root in &self.roots {
-            let facet = &self.facets[root.facet];
-            let to_sun = facet.frame.local_from_world(sun.direction);
-            let Some(material) = materials.get(usize::from(facet.surface)) else { continue };
-            if to_sun.z <= 0.0 || facet.before_m(seen.eye.position) <= 0.0 {
-                continue;
+        let mut doubt = 0.0;
+        // The triangles of a facet follow one another.
+        let mut last: Option<(usize, UnderSun<'_>)> = None;
+        let wanted = |root: &Root| {
+            let facet = self.facet(root);
+            usize::from(facet.surface) < materials.len() && facet.frame.z.dot(sun.direction) > 0.0
+        };
+        self.each_shining(seen, lit, wanted, |root, shining| {
+            let number = root.triangle.facet;
+            let facet = &self.facets[number];
+            if last.as_ref().is_none_or(|(last, _)| *last != number) {
+                let to_sun = facet.frame.local_from_world(sun.direction);
+                last = Some((number, materials[usize::from(facet.surface)].under(sun, to_sun)));
             }
-            let (frame, surface) = (facet.frame, facet.surface);
-            let looking = Looking { seen, lit, sun, material, root, frame, to_sun, surface };
-            looking.descend(&root.whole, &mut waiting);
+            let Some((_, under)) = &last else { return };
+            let (frame, surface, eye) = (facet.frame, facet.surface, seen.eye.position);
+            let looking = Looking { eye, sun, under, root, shining, frame, surface };
+            let mut doubts = Doubts::default();
+            if let Some(whole) = looking.look(Patch::Cells(root.triangle.cell)) {
+                looking.descend(whole, &mut doubts, &mut waiting);
+                let floor = DOUBT_OF_SUN * whole.solid_sr / seen.solid_angle_sr;
+                doubt += looking.settle(doubts, floor, &mut waiting);
+            }
             for (way, waiting) in waiting.iter_mut().enumerate().filter(|(_, w)| !w.is_empty()) {
-                material.light(sun, to_sun, (way, waiting), into);
+                under.light(way, waiting, into);
             }
-        }
+        });
+        doubt * sun.irradiance_w_m2
     }
 }
 
 impl Looking<'_> {
-    fn descend(&self, patch: &Patch, into: &mut [Waiting; WAYS]) {
-        let range = self.root.range(patch);
-        let cells = range.len() as f64;
-        let shares = self.seen.shares[range.clone()].iter().zip(&self.lit.shares[range]);
-        let share = shares.map(|(a, b)| f64::from(a * b)).sum::<f64>() / cells;
-        if share <= 0.0 {
-            return;
+    /// A patch as the eye sees it; `None` where nothing of it shines.
+    fn look(&self, patch: Patch) -> Option<Look> {
+        let middle = |[a, b, c]: &[DVec3; 3]| (*a + *b + *c) / 3.0 - self.eye;
+        let (corners, way, solid_sr, even);
+        match &patch {
+            Patch::Cells(cell) => {
+                corners = cell.corners;
+                let part = self.shining.part(&self.root.triangle.asked_cells(cell));
+                if part.solid_sr <= 0.0 {
+                    return None;
+                }
+                even = part.whole;
+                (way, solid_sr) = match even {
+                    true => (middle(&corners), solid_angle_sr(&corners, self.eye)),
+                    false => (part.middle, part.solid_sr),
+                };
+            }
+            Patch::Piece { corners: own, share, .. } => {
+                corners = *own;
+                (way, solid_sr) = (middle(own), share * solid_angle_sr(own, self.eye));
+                even = true;
+            }
         }
-        let eye = self.seen.eye.position;
-        let way = eye - patch.middle();
         let away_m = way.length();
-        let out = self.frame.local_from_world(way / away_m);
-        let angle = patch.radius_m() / away_m;
-        let half = self.to_sun + out;
-        let length = half.length();
-        let across = (half.x * half.x + half.y * half.y).sqrt() / length.max(1e-12);
+        let towards_eye = -way / away_m;
+        let out = self.frame.local_from_world(towards_eye);
+        let angle = radius_m(&corners) / away_m;
+        Some(Look { patch, solid_sr, towards_eye, out, angle, even })
+    }
+
+    /// The four parts of a patch, or the pieces of a cell across which a border runs.
+    fn parts(&self, patch: &Patch, mut each: impl FnMut(Patch)) {
+        let mut quarters = |[a, b, c]: [DVec3; 3], share, halvings| {
+            let (ab, bc, ca) = ((a + b) * 0.5, (b + c) * 0.5, (c + a) * 0.5);
+            for corners in [[a, ab, ca], [ab, b, bc], [ca, bc, c], [ab, bc, ca]] {
+                each(Patch::Piece { corners, share, halvings });
+            }
+        };
+        match patch {
+            Patch::Piece { corners, share, halvings } => quarters(*corners, *share, halvings + 1),
+            Patch::Cells(cell) if cell.level < self.root.triangle.asked => {
+                cell.parts().into_iter().for_each(|part| each(Patch::Cells(part)));
+            }
+            Patch::Cells(cell) => {
+                let range = self.root.triangle.asked_cells(cell);
+                if self.shining.part(&range).whole {
+                    return quarters(cell.corners, 1.0, 1);
+                }
+                for (_, piece) in self.shining.pieces(range.start) {
+                    let share = f64::from(piece.share) / f64::from(SEEN);
+                    each(Patch::Piece { corners: piece.corners, share, halvings: 0 });
+                }
+            }
+        }
+    }
+
+    /// Whether a patch is too large for its middle to stand for it, as far as that is known without
+    /// asking what is measured.
+    fn is_coarse(&self, look: &Look) -> bool {
+        match look.patch {
+            Patch::Piece { halvings, .. } if halvings >= DEEPER => return false,
+            _ if look.angle > WIDEST => return true,
+            _ => {}
+        }
+        let material = &self.under.material;
+        if !material.is_modelled() {
+            return false;
+        }
+        let (length, across) = self.half(look);
         let cos = (0.5 * length).max(0.1);
-        let spread = 0.5 * angle / cos;
+        let spread = 0.5 * look.angle / cos;
         let tilt = (across - spread).max(0.0);
         let disc = 0.5 * self.sun.radius_rad() / cos;
-        let own = (self.material.width.powi(2) + disc * disc).sqrt();
+        let width = material.width();
+        let own = (width * width + disc * disc).sqrt();
         let scale = (own * own + tilt * tilt).sqrt();
-        let coarse = angle > WIDEST
-            || (self.material.width.is_finite() && spread > FINE * scale)
-            || (share < 1.0 && patch.level < self.root.level && tilt < NEAR_WIDTHS * own.min(0.1));
-        if coarse && patch.level < self.root.level + DEEPER {
-            for part in patch.parts() {
-                self.descend(&part, into);
-            }
-            return;
+        (width.is_finite() && spread > FINE * scale)
+            || (!look.even && self.is_block(look) && tilt < NEAR_WIDTHS * own.min(0.1))
+    }
+
+    /// Length of the sum of both directions, and the tilt of the half vector.
+    fn half(&self, look: &Look) -> (f64, f64) {
+        let half = self.under.to_sun + look.out;
+        let length = half.length();
+        (length, (half.x * half.x + half.y * half.y).sqrt() / length.max(1e-12))
+    }
+
+    /// Whether it is more than one cell.
+    fn is_block(&self, look: &Look) -> bool {
+        matches!(look.patch, Patch::Cells(cell) if cell.level < self.root.triangle.asked)
+    }
+
+    fn descend(&self, look: Look, doubts: &mut Doubts, into: &mut [Waiting; WAYS]) {
+        if self.is_coarse(&look) {
+            return self.parts(&look.patch, |part| {
+                if let Some(look) = self.look(part) {
+                    self.descend(look, doubts, into);
+                }
+            });
         }
+        if self.under.material.is_measured() {
+            doubts.push(self.doubt(look));
+        } else {
+            self.wait(&look, into);
+        }
+    }
+
+    /// How much a patch leaves in doubt.
+    fn doubt(&self, look: Look) -> Doubt {
+        let corners = match &look.patch {
+            Patch::Cells(cell) => &cell.corners,
+            Patch::Piece { corners, .. } => corners,
+        };
+        let cos = |c: &DVec3| (self.eye - *c).normalize().dot(look.towards_eye);
+        let least = corners.iter().map(cos).fold(1.0, f64::min);
+        let cone = Cone::new(look.out, libm::acos(least.max(-1.0)));
+        let [low, high] = self.under.measured_span(&cone);
+        let value = self.under.measured(look.out);
+        let (doubt, sends) = (BORDER_MISSES * (high - low) * look.solid_sr, value * look.solid_sr);
+        Doubt { doubt, sends, number: 0, look }
+    }
+
+    /// Splits the patches that leave most in doubt until little is left, and hands all on; gives what
+    /// is left.
+    fn settle(&self, mut doubts: Doubts, floor: f64, into: &mut [Waiting; WAYS]) -> f64 {
+        let mut done = Vec::new();
+        while doubts.doubt > (DOUBT * doubts.sends).max(floor) && doubts.count < MOST_PATCHES {
+            let Some(worst) = doubts.heap.pop() else { break };
+            if worst.doubt <= 0.0 {
+                doubts.heap.push(worst);
+                break;
+            }
+            if matches!(worst.look.patch, Patch::Piece { halvings, .. } if halvings >= DEEPER) {
+                done.push(worst);
+                continue;
+            }
+            doubts.doubt -= worst.doubt;
+            doubts.sends -= worst.sends;
+            self.parts(&worst.look.patch, |part| {
+                if let Some(look) = self.look(part) {
+                    doubts.push(self.doubt(look));
+                }
+            });
+        }
+        done.extend(doubts.heap);
+        for doubt in &done {
+            if doubt.doubt <= 0.0 {
+                self.wait(&doubt.look, into);
+                continue;
+            }
+            self.parts(&doubt.look.patch, |part| {
+                if let Some(look) = self.look(part) {
+                    self.wait(&look, into);
+                }
+            });
+        }
+        done.iter().map(|doubt| doubt.doubt).sum()
+    }
+
+    fn wait(&self, look: &Look, into: &mut [Waiting; WAYS]) {
         let glint = Glint {
-            towards: -way / away_m,
-            solid_angle_sr: share * patch.solid_angle_sr(eye),
+            towards: -look.towards_eye,
+            solid_angle_sr: look.solid_sr,
             radiance_w_m2_sr: 0.0,
             surface: self.surface,
         };
-        into[self.material.way(self.sun, self.to_sun, length, across)].push(glint, out);
+        let (length, across) = self.half(look);
+        into[self.under.way(length, across)].push(glint, look.out);
+    }
+}
+
+impl Doubts {
+    fn push(&mut self, doubt: Doubt) {
+        self.doubt += doubt.doubt;
+        self.sends += doubt.sends;
+        self.count += 1;
+        self.heap.push(Doubt { number: self.count, ..doubt });
     }
 }

@@ -97,6 +97,18 @@ impl EyeInstant {
         out
     }
 
+    /// Irradiances and the brightest patch, times a factor, and those of another instant times one.
+    pub(super) fn scaled(&self, factor: f64, more: &Self, more_factor: f64) -> Self {
+        let sum = |of: fn(&Self) -> f64| factor * of(self) + more_factor * of(more);
+        let radiance_w_m2_sr = sum(|i| i.peak.radiance_w_m2_sr);
+        Self {
+            surface_w_m2: sum(|i| i.surface_w_m2),
+            normal_w_m2: sum(|i| i.normal_w_m2),
+            peak: Brightest { radiance_w_m2_sr, ..self.peak },
+            ..Self::default()
+        }
+    }
+
     /// Mean radiance of all lit PV in sight, W/m2/sr.
     pub fn mean_w_m2_sr(&self) -> f64 {
         if self.lit_sr > 0.0 { self.normal_w_m2 / self.lit_sr } else { 0.0 }

@@ -10,13 +10,15 @@
 mod glints;
 pub mod hazard;
 mod instant;
+mod material;
 mod patches;
 mod shine;
 mod sweep;
 #[cfg(test)]
 mod tests;
 
-pub use glints::{EyeMaterial, Glint, SunAt};
+pub use glints::{Glint, SunAt};
 pub use instant::{Brightest, EyeInstant};
+pub use material::{EyeMaterial, UnderSun};
 pub use patches::{Eye, EyePv, LitPv, Seen};
 pub use sweep::{Sweep, SweepLimits, Sweeper};

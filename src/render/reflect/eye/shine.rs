@@ -41,7 +41,8 @@ impl<'a> Shine<'a> {
         bsdf.terms().into_iter().map(of).collect()
     }
 
-    /// Adds the mean of `f cos_i` over places of the sun's disc, 1/sr, for each outgoing direction.
+    /// Adds the mean of `f cos_i` over places of the sun's disc, 1/sr, for each outgoing direction, of
+    /// what is modelled.
     /// `second`: half of the mean square of the disc's radius to each side, where its middle stands
     /// for all of it, rad2.
     pub(super) fn add(&self, places: &[DVec3], second: f64, outs: &[DVec3], into: &mut [f64]) {
@@ -58,11 +59,8 @@ impl<'a> Shine<'a> {
                     *sum += entering * term.ground(out.z);
                 }
             }
-            Self::Measured(measured, share) => {
-                for (sum, out) in into.iter_mut().zip(outs) {
-                    *sum += mean(&|s| s.z * measured.evaluate(*s, *out)) * share;
-                }
-            }
+            // Its disc is cut, see `SunlitFile`.
+            Self::Measured(..) => {}
             Self::Lobe(lobe, term, ground) => {
                 let sun = |s: &DVec3| {
                     let from = (s.z * term.ground(s.z) * ground) as f32;
@@ -136,14 +134,14 @@ impl Waiting {
         self.glints.is_empty()
     }
 
-    /// Hands on those that shine, and is empty then. `mirrored`: what a delta lobe sends to a
+    /// Hands on those that shine, and is empty then. `besides`: what delta lobes and files send to a
     /// direction, 1/sr.
     pub(super) fn light(
         &mut self,
         terms: &[Shine<'_>],
         sun: &SunAt,
         (places, second): (&[DVec3], f64),
-        mirrored: &dyn Fn(DVec3) -> f64,
+        besides: &dyn Fn(DVec3) -> f64,
         into: &mut Vec<Glint>,
     ) {
         self.values.clear();
@@ -152,7 +150,7 @@ impl Waiting {
             term.add(places, second, &self.outs, &mut self.values);
         }
         for ((glint, out), value) in self.glints.drain(..).zip(&self.outs).zip(&self.values) {
-            let radiance_w_m2_sr = sun.irradiance_w_m2 * (value + mirrored(*out));
+            let radiance_w_m2_sr = sun.irradiance_w_m2 * (value + besides(*out));
             if radiance_w_m2_sr > 0.0 {
                 into.push(Glint { radiance_w_m2_sr, ..glint });
             }

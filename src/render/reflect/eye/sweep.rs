@@ -1,9 +1,12 @@
+//! A year of an eye in fine steps, of which only those are looked at where a limit may be exceeded.
+
 use rayon::prelude::*;
 
-use super::glints::{EyeMaterial, Glint, SunAt};
 use super::instant::EyeInstant;
 use super::patches::{EyePv, LitPv, Seen};
+use super::{EyeMaterial, Glint, SunAt};
 use crate::base::{Progress, Timeline};
+use crate::bsdf::Cone;
 use crate::render::view::error::Error;
 
 /// What must be exceeded for an instant to count.
@@ -59,8 +62,8 @@ impl SweepLimits {
         bits.fold(0, |all, (i, (value, limit))| all | u32::from(value > limit) << i)
     }
 
-    fn within(&self, instant: &EyeInstant, factor: f64) -> bool {
-        self.pairs(instant).all(|(value, limit)| value * factor <= limit)
+    fn within(&self, instant: &EyeInstant) -> bool {
+        self.pairs(instant).all(|(value, limit)| value <= limit)
     }
 }
 
@@ -78,7 +81,8 @@ impl Sweeper<'_> {
     /// Finds out which timesteps exceed a limit: first every `coarse`-th, then, between two of them,
     /// the middle, until nothing between can exceed any limit or no timestep lies between. What can
     /// be exceeded is bounded by what the PV would send without shadows, by how far the sun moves
-    /// meanwhile, and by how narrow the lobe is. So the result is that of looking at each timestep.
+    /// meanwhile, and by how narrow the lobe is; of measured surfaces by the largest value of all cells
+    /// that the sun and the eye's directions may touch meanwhile. So the result is that of looking at each timestep.
     /// `coarse` 1 looks at all.
     ///
     /// # Errors
@@ -135,19 +139,24 @@ impl Sweeper<'_> {
         // Where the sun rises or sets for a part of the PV, one end says nothing about the other.
         let (seen, _) = self.seen(a.at);
         let part = if self.pv.passes_a_plane(seen, suns) { 1.05 } else { 0.55 };
-        let moved = part * libm::acos(suns[0].dot(suns[1]).clamp(-1.0, 1.0));
+        let angle = libm::acos(suns[0].dot(suns[1]).clamp(-1.0, 1.0));
+        let moved = part * angle;
         let cos = a.least_cos.min(b.least_cos).max(0.05);
         let turned = 0.5 * moved / cos;
-        let disc = 0.5 * self.sun(a.at).radius_rad() / cos;
+        let radius = self.sun(a.at).radius_rad();
+        let disc = 0.5 * radius / cos;
         let mirrors = self.materials.iter().any(|m| m.width() == 0.0);
         if mirrors && a.least_tilt.min(b.least_tilt) <= turned + disc {
             return false;
         }
+        let modelled = self.materials.iter().any(EyeMaterial::is_modelled);
+        let arc = Cone::new((suns[0] + suns[1]).normalize(), part * angle + radius);
+        let measured = self.pv.most_measured(seen, &arc, self.materials);
         [a, b].into_iter().all(|end| {
             let tilt = end.least_tilt - disc;
             let growth = self.materials.iter().map(|m| m.growth(tilt, turned));
-            let most = growth.fold(1.0, f64::max);
-            self.limits.within(&end.instant, strongest * ROOM * most)
+            let most = if modelled { ROOM * growth.fold(1.0, f64::max) } else { 0.0 };
+            self.limits.within(&end.instant.scaled(strongest * most, &measured, strongest))
         })
     }
 }
@@ -190,12 +199,13 @@ impl Part<'_> {
         let (seen, month) = self.sweeper.seen(at);
         let sun = self.sweeper.sun(at);
         let unit = SunAt { irradiance_w_m2: 1.0, ..sun };
-        let open = LitPv::open(pv);
+        let open = LitPv::open();
         self.sweep.looked += 1;
         pv.look(seen, &open, &unit, materials, &mut self.glints);
         let instant = EyeInstant::bright(&seen.eye, &self.glints);
+        let here = instant.scaled(sun.irradiance_w_m2, &EyeInstant::default(), 0.0);
         let (least_tilt, least_cos) = pv.least_tilt(seen, sun.direction);
-        if !limits.within(&instant, sun.irradiance_w_m2) {
+        if !limits.within(&here) {
             self.sweep.asked += 1;
             let lit = pv.lit(sun.direction, seen, month);
             pv.look(seen, &lit, &sun, materials, &mut self.glints);

@@ -2,9 +2,10 @@ use std::f64::consts::PI;
 
 use glam::{DVec3, Vec3};
 
-use super::glints::{EyeMaterial, Glint, SunAt};
+use super::glints::{Glint, SunAt};
 use super::hazard::{HazardZone, zone};
 use super::instant::EyeInstant;
+use super::material::EyeMaterial;
 use super::patches::{Eye, EyePv};
 use super::sweep::{SweepLimits, Sweeper};
 use crate::base::{Frame, Purpose, Silent, SpectralBasis, Stream, Timeline, Timestep};
@@ -151,7 +152,7 @@ fn a_patch_is_as_bright_as_the_material_says() {
                 }
             }
             let expected = DNI * sum / count;
-            let found = material.shine(&sun, to_sun, out);
+            let found = material.under(&sun, to_sun).radiance(out);
             let miss = (found / expected - 1.0).abs();
             let sun = format!("sun {:.3}, out {:.3} over the PV", to_sun.z, out.z);
             // Where light grazes, the lobe is narrower than the places on the disc lie apart.
@@ -233,16 +234,17 @@ fn what_lies_behind_the_eye_or_in_shadow_is_not_seen() {
     assert_eq!(look(&shaded, &glass, &high).1, EyeInstant::default());
 }
 
-/// Some days of a year, in steps of two minutes: what the adaptive sweep finds is what looking at
-/// each of them finds, with a fraction of the looks.
-#[test]
-fn a_sweep_misses_nothing() {
-    use crate::sky::{DayRange, HourRange, Place, SunModel, SunStrength, TimeSpec};
-    // Walls that throw shadows onto the square and hide parts of it.
+/// Walls that throw shadows onto the square and hide parts of it.
+fn walled() -> Site {
     let wall = |x: f32, low: f32, high: f32, top: f32| {
         [[x, low, 0.0], [x, high, 0.0], [x, high, top], [x, low, top]].map(Vec3::from_array)
     };
-    let scene = site(4.0, &[wall(7.0, -1.0, 0.5, 4.0), wall(-6.0, 1.0, 9.0, 2.5)]);
+    site(4.0, &[wall(7.0, -1.0, 0.5, 4.0), wall(-6.0, 1.0, 9.0, 2.5)])
+}
+
+/// Some days of a year in steps of two minutes.
+fn days(from: u32, to: u32, step: u32) -> Timeline {
+    use crate::sky::{DayRange, HourRange, Place, SunModel, SunStrength, TimeSpec};
     let place = Place {
         latitude_deg: 47.038,
         longitude_deg: 8.312,
@@ -251,14 +253,21 @@ fn a_sweep_misses_nothing() {
     };
     let spec = TimeSpec {
         year: 2025,
-        days: DayRange { from: 80, to: 195, step: 23 },
+        days: DayRange { from, to, step },
         hours: HourRange { from: 0.0, to: 23.99, step: 1.0 / 30.0 },
         finer: Vec::new(),
         sun: SunModel::Gensky,
         irradiance: SunStrength::ClearSky,
         half_year: false,
     };
-    let timeline = crate::sky::timeline(&place, &spec).expect("suns");
+    crate::sky::timeline(&place, &spec).expect("suns")
+}
+
+/// Some days of a year, in steps of two minutes: what the adaptive sweep finds is what looking at
+/// each of them finds, with a fraction of the looks.
+#[test]
+fn a_sweep_misses_nothing() {
+    let (scene, timeline) = (walled(), days(80, 195, 23));
     let pv = EyePv::new(&scene);
     let limits = SweepLimits {
         irradiances_w_m2: vec![1.0, 10.0, 30.0],
@@ -303,4 +312,37 @@ fn a_sweep_misses_nothing() {
         // What is lit is looked at, step by step.
         assert!(lit > 0.002 && share < most, "{lit} {share}");
     }
+}
+
+/// The same of files, whose values jump: what an eye gets changes tenfold within two minutes.
+#[test]
+fn a_sweep_of_measured_pv_misses_nothing() {
+    let (scene, timeline) = (walled(), days(130, 130, 1));
+    let pv = EyePv::new(&scene);
+    let seen = [pv.seen(eye(AT), 0)];
+    let (mut lit, mut looked, mut jumps) = (0, 0, 0);
+    for bsdf in crate::bsdf::samples() {
+        let materials = [EyeMaterial::new(&bsdf)];
+        let limits = SweepLimits {
+            irradiances_w_m2: vec![1.0, 3.0, 6.0],
+            normal: true,
+            radiances_w_m2_sr: vec![80.0, 160.0],
+        };
+        let sweeper = Sweeper {
+            pv: &pv,
+            seen: &seen,
+            timeline: &timeline,
+            materials: &materials,
+            limits: &limits,
+        };
+        let full = sweeper.run(1, &Silent).expect("runs");
+        let sweep = sweeper.run(8, &Silent).expect("runs");
+        assert_eq!(sweep.exceeded, full.exceeded);
+        lit += full.exceeded.iter().filter(|e| **e != 0).count();
+        jumps += full.exceeded.windows(3).filter(|w| w[0] == w[2] && w[0] != w[1]).count();
+        looked += sweep.looked;
+        println!("{} of {} looked at", sweep.looked, full.looked);
+    }
+    println!("{lit} exceed a limit, {jumps} alone");
+    assert!(lit > 30 && jumps > 0 && looked > lit, "{lit} {jumps}");
 }

@@ -14,7 +14,6 @@ use crate::receivers::points::read_points;
 use crate::render::{Projection, View};
 use crate::run::error::Error;
 use crate::run::job::Job;
-use crate::run::stages::judged::receivers;
 use crate::site::Site;
 
 const OUTLINE: [u8; 3] = [255, 255, 255];
@@ -84,7 +83,7 @@ impl Marks {
 
 /// Where the observers are, and in plans the middle of each region.
 fn places(job: &Job<'_>, view: &View) -> Result<Vec<(DVec3, String)>, Error> {
-    let Some(set) = receivers(job) else { return Ok(Vec::new()) };
+    let Some(set) = job.results()?.receivers() else { return Ok(Vec::new()) };
     let hits = job.folder.read_hits(&set.name)?;
     let mut out = Vec::new();
     for group in read_points(&job.folder, set)?.groups {

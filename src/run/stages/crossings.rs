@@ -11,13 +11,13 @@ use super::photons::{Done, Filling, Traced, fill};
 use crate::base::{SensorSheet, VirtualSensor};
 use crate::pages;
 use crate::project::PhotonGather;
-use crate::receivers::air::{Crossings, InAir, STORE};
+use crate::receivers::air::{Crossings, InAir};
 use crate::receivers::points::read_points;
 use crate::render::sensors;
 use crate::render::{Hit, HitMap, VirtualSensors};
 use crate::run::error::Error;
 use crate::run::job::{Job, Made};
-use crate::run::units::{AIR_SPILL, OfView};
+use crate::run::units::OfView;
 use crate::trace::{Emission, Settings, Through, Tracer};
 
 /// Crossings of each disc that are aimed at, at least; no more in all than `photons.stored`.
@@ -99,7 +99,7 @@ fn send(
     let most = Traced::read(job, candidate)?.plan.emitted;
     let tracer = Tracer::through(&emission, &Through { sensors: gates, sheet, most })?;
     let name = of.to_string();
-    let spill = job.folder.prepare(&job.folder.map(&candidate.name, &view.name, AIR_SPILL))?;
+    let spill = job.folder.prepare(&job.folder.air_spill(&candidate.name, &view.name))?;
     let filling = Filling {
         name: &name,
         key,
@@ -121,7 +121,7 @@ fn send(
         basis: timeline.basis,
         tally,
     };
-    let store = job.folder.map(&candidate.name, &view.name, STORE);
+    let store = job.folder.air(&candidate.name, &view.name);
     let path = job.folder.prepare(&store)?;
     let memory = job.options.memory_bytes / 4 * 3;
     let built = pages::build(&spill, &path, &about, memory, job.progress)?;

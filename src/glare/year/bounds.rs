@@ -1,17 +1,12 @@
 //! Hours above a threshold with what noise leaves open: at least, as measured, at most.
 
-use std::path::PathBuf;
+use std::ops::Range;
 
 use rayon::prelude::*;
 
-use super::pictures;
 use crate::base::{Grid, Progress, TileRect, limits, tiles};
 use crate::glare::Slices;
-use crate::picture::exr;
-use crate::project::{Candidate, PlannedView};
-use crate::render;
-use crate::run::error::Error;
-use crate::run::job::Job;
+use crate::glare::error::Error;
 
 /// Slices that are read together.
 const TOGETHER_BYTES: usize = 32 << 20;
@@ -20,7 +15,7 @@ const TOGETHER_BYTES: usize = 32 << 20;
 /// off every value, as they are, and with two added. A limit between the first and the last is
 /// undecided.
 #[derive(Clone, Debug)]
-pub struct Band {
+pub struct HourBounds {
     /// At least, h.
     pub low_h: Grid<f32>,
     /// As the photons say, h.
@@ -29,7 +24,7 @@ pub struct Band {
     pub high_h: Grid<f32>,
 }
 
-impl Band {
+impl HourBounds {
     /// Whether noise decides if `limit_h` is exceeded at a pixel; `None` where it does.
     pub fn exceeds(&self, pixel: (usize, usize), limit_h: f32) -> Option<bool> {
         match (self.low_h[pixel] > limit_h, self.high_h[pixel] > limit_h) {
@@ -40,25 +35,23 @@ impl Band {
     }
 }
 
-/// Counts hours slice by slice.
-pub(super) struct Counter {
+/// Counts the hours slice by slice.
+pub struct HourCounter {
     /// For each pixel the three irradiances that are exceeded or not.
     limits: Vec<[f32; 3]>,
     hours: Vec<[f64; 3]>,
     size: (usize, usize),
 }
 
-impl Counter {
-    /// For a threshold and the irradiance that a photon stands for.
-    pub fn new(threshold_w_m2: f64, photon_w_m2: &Grid<f32>) -> Self {
-        let limits = photon_w_m2.data().iter().map(|&photon| {
-            let (low, high) = render::undecided(threshold_w_m2, photon);
-            [high, threshold_w_m2 as f32, low]
-        });
+impl HourCounter {
+    /// For a threshold. `open_w_m2`: between which irradiances noise decides at a pixel whether
+    /// it is exceeded.
+    pub fn new(threshold_w_m2: f64, open_w_m2: &Grid<(f32, f32)>) -> Self {
+        let limits = open_w_m2.data().iter().map(|&(low, high)| [high, threshold_w_m2 as f32, low]);
         Self {
             limits: limits.collect(),
-            hours: vec![[0.0; 3]; photon_w_m2.data().len()],
-            size: (photon_w_m2.columns(), photon_w_m2.rows()),
+            hours: vec![[0.0; 3]; open_w_m2.data().len()],
+            size: (open_w_m2.columns(), open_w_m2.rows()),
         }
     }
 
@@ -74,20 +67,24 @@ impl Counter {
         });
     }
 
-    pub fn finish(self) -> Band {
+    /// All hours.
+    pub fn finish(self) -> HourBounds {
         let (columns, rows) = self.size;
         let grid = |i: usize| {
             let hours = self.hours.iter().map(|h| h[i] as f32).collect();
             Grid::from_vec(columns, rows, hours)
         };
-        Band { low_h: grid(0), hours_h: grid(1), high_h: grid(2) }
+        HourBounds { low_h: grid(0), hours_h: grid(1), high_h: grid(2) }
     }
 }
 
 /// Hands the slices of a source on, one by one.
-pub(super) fn each_slice(
+///
+/// # Errors
+/// A source that can't be read, an interruption.
+pub fn each_slice(
     source: &dyn Slices,
-    range: std::ops::Range<usize>,
+    range: Range<usize>,
     progress: &dyn Progress,
     mut each: impl FnMut(usize, &[f32]),
 ) -> Result<(), Error> {
@@ -103,68 +100,13 @@ pub(super) fn each_slice(
         progress.check()?;
         let last = (first / unit * unit + step).min(range.end);
         let (count, part) = (last - first, &mut numbers[..(last - first) * pixels]);
-        source
-            .read_lit(first..last, 0..rows, part, &mut lit[..count * blocks.len()])
-            .map_err(crate::glare::Error::from)?;
+        source.read_lit(first..last, 0..rows, part, &mut lit[..count * blocks.len()])?;
         for (i, slice) in part.chunks_exact(pixels).enumerate() {
             each(first + i, slice);
         }
         first = last;
     }
     Ok(())
-}
-
-/// Counts the hours of a threshold over a whole series.
-pub(super) fn count(
-    job: &Job<'_>,
-    candidate: &Candidate,
-    view: &PlannedView,
-    source: &dyn Slices,
-    threshold_w_m2: f64,
-) -> Result<Band, Error> {
-    let photon = if view.is_direct() {
-        // Without photons there is no noise.
-        let [_, rows, columns] = source.shape();
-        Grid::filled(columns, rows, 0.0)
-    } else {
-        let name = job.folder.map(&candidate.name, &view.name, "noise.exr");
-        pictures::read(job, &name, "photon.w_m2")?
-    };
-    let mut counter = Counter::new(threshold_w_m2, &photon);
-    let steps = &job.timeline()?.steps;
-    each_slice(source, 0..source.shape()[0], job.progress, |t, slice| {
-        counter.push(slice, steps.get(t).map_or(0.0, |s| s.weight_h));
-    })?;
-    Ok(counter.finish())
-}
-
-/// Writes `band.exr`.
-pub(super) fn write(
-    job: &Job<'_>,
-    candidate: &Candidate,
-    view: &PlannedView,
-    (threshold, attributes): (f64, &[(String, String)]),
-    band: &Band,
-) -> Result<PathBuf, Error> {
-    let name = job.folder.glare(&candidate.name, &view.name, threshold, "band.exr");
-    let channels = [("low.h", &band.low_h), ("hours.h", &band.hours_h), ("high.h", &band.high_h)];
-    exr::write(&job.folder.prepare(&name)?, &channels, attributes)?;
-    Ok(name)
-}
-
-/// Reads what [`write`] wrote.
-///
-/// # Errors
-/// A file that isn't there or can't be read.
-pub(super) fn read(
-    job: &Job<'_>,
-    candidate: &Candidate,
-    view: &PlannedView,
-    threshold: f64,
-) -> Result<Band, Error> {
-    let name = job.folder.glare(&candidate.name, &view.name, threshold, "band.exr");
-    let channel = |channel: &str| pictures::read(job, &name, channel);
-    Ok(Band { low_h: channel("low.h")?, hours_h: channel("hours.h")?, high_h: channel("high.h")? })
 }
 
 #[cfg(test)]
@@ -174,8 +116,8 @@ mod tests {
     #[test]
     fn what_lies_near_the_threshold_is_left_open() {
         // One photon is 0.4 W/m2: at 10 W/m2 the band reaches from 6.721 to 14.879.
-        let photon = Grid::filled(3, 1, 0.4f32);
-        let mut counter = Counter::new(10.0, &photon);
+        let open = Grid::filled(3, 1, (6.721f32, 14.879));
+        let mut counter = HourCounter::new(10.0, &open);
         counter.push(&[5.0, 9.0, 30.0], 0.5);
         counter.push(&[6.7, 11.0, 14.9], 0.25);
         counter.push(&[0.0, 6.8, 14.8], 0.125);

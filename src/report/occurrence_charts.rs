@@ -1,19 +1,21 @@
 //! Day by hour: when an observer or a region is dazzled, how strongly, and by which PV. The chart
 //! that ForgeSolar's annual occurrence made a habit.
 
+use std::cmp::Reverse;
+use std::collections::BTreeMap;
 use std::path::PathBuf;
 
-use crate::base::Timeline;
+use super::error::Error;
+use crate::base::Provenance;
 use crate::glare::Lengths;
 use crate::picture::Chart;
 use crate::picture::chart::{Axis, Cell, SURFACES, Swatch};
-use crate::project::{Candidate, PlannedView};
+use crate::project::artifacts::{ReceiverFile, ReceiverId, irradiance_unit, quantity_words};
+use crate::project::{Candidate, PlannedView, Results};
 use crate::receivers::clock::Clock;
 use crate::receivers::points::Kind;
-use crate::receivers::received::GroupReceived;
-use crate::run::error::Error;
-use crate::run::job::Job;
-use crate::run::stages::receivers::{occurrence, read_received};
+use crate::receivers::received::read_received;
+use crate::receivers::tables::OccurrenceRow;
 use crate::volume::TimeAxis;
 
 const NIGHT: [u8; 3] = [228, 231, 238];
@@ -22,22 +24,23 @@ const BELOW: [u8; 3] = [226, 214, 178];
 /// Above the first threshold, the second, and so on; the last stands for all further ones.
 const ABOVE: [[u8; 3]; 4] = [[242, 166, 38], [203, 45, 38], [122, 8, 60], [45, 4, 40]];
 const OTHERS: [u8; 3] = [110, 110, 110];
-/// A timestep with light.
-struct Lit {
-    timestep: usize,
-    strongest_w_m2: f64,
-    surface: String,
-}
-
 /// Draws the charts of all observers and regions; their names below `run/`.
-pub(super) fn draw(job: &Job<'_>) -> Result<Vec<PathBuf>, Error> {
+///
+/// # Errors
+/// Results that are missing or damaged, charts that can't be written.
+pub fn draw(results: &Results<'_>) -> Result<Vec<PathBuf>, Error> {
     let mut outputs = Vec::new();
-    for candidate in &job.resolved.candidates {
-        for set in &job.resolved.sensors {
-            let received = read_received(job, candidate, set)?;
+    for candidate in &results.resolved.candidates {
+        for set in &results.resolved.sensors {
+            let received = read_received(results, candidate, set)?;
             for (number, group) in received.groups.iter().enumerate() {
                 if group.kind != Kind::Sensors && group.not_evaluated.is_none() {
-                    outputs.extend(one(job, candidate, set, number, group)?);
+                    outputs.extend(one(
+                        results,
+                        candidate,
+                        set,
+                        ReceiverId { number, name: &group.name },
+                    )?);
                 }
             }
         }
@@ -46,65 +49,41 @@ pub(super) fn draw(job: &Job<'_>) -> Result<Vec<PathBuf>, Error> {
 }
 
 fn one(
-    job: &Job<'_>,
+    results: &Results<'_>,
     candidate: &Candidate,
     set: &PlannedView,
-    number: usize,
-    group: &GroupReceived,
+    receiver: ReceiverId<'_>,
 ) -> Result<Vec<PathBuf>, Error> {
-    let stem = occurrence(number, &group.name);
-    let name = |end: &str| job.folder.map(&candidate.name, &set.name, &format!("{stem}{end}"));
-    let lit = read(job, &name(".csv"))?;
-    let board = Board::new(job)?;
-    let mut thresholds = job.resolved.project.glare.thresholds_w_m2.clone();
+    let name = |file| results.folder.receiver(&candidate.name, &set.name, receiver, file);
+    let lit: Vec<OccurrenceRow> = results.folder.read_table(&name(ReceiverFile::Occurrence))?;
+    let board = Board::new(*results)?;
+    let mut thresholds = results.thresholds_w_m2().to_vec();
     thresholds.sort_by(f64::total_cmp);
-    let texts = super::texts(job);
-    let mut chart = board.chart(set, &format!("{}: light from “{}”", group.name, candidate.name));
+    let texts = texts(results);
+    let mut chart =
+        board.chart(set, &format!("{}: light from “{}”", receiver.name, candidate.name));
     board.by_strength(&mut chart, &lit, &thresholds);
-    let png = name(".png");
-    chart.write_png(&job.folder.at(&png), &texts)?;
+    let png = name(ReceiverFile::StrengthChart);
+    chart.write_png(&results.folder.at(&png), &texts)?;
     let mut outputs = vec![png];
     let lowest = thresholds.first().copied().unwrap_or(0.0);
-    let dazzling: Vec<&Lit> = lit.iter().filter(|l| l.strongest_w_m2 > lowest).collect();
-    let several = dazzling.iter().any(|l| l.surface != dazzling[0].surface);
+    let dazzling: Vec<&OccurrenceRow> =
+        lit.iter().filter(|l| l.strongest_w_m2 > lowest as f32).collect();
+    let several = dazzling.iter().any(|l| l.pv_surface != dazzling[0].pv_surface);
     if several {
-        let title = format!("{}: which PV of “{}” dazzles", group.name, candidate.name);
+        let title = format!("{}: which PV of “{}” dazzles", receiver.name, candidate.name);
         let mut chart = board.chart(set, &title);
         board.by_surface(&mut chart, &dazzling, lowest);
-        let png = name("-pv.png");
-        chart.write_png(&job.folder.at(&png), &texts)?;
+        let png = name(ReceiverFile::SurfaceChart);
+        chart.write_png(&results.folder.at(&png), &texts)?;
         outputs.push(png);
     }
     Ok(outputs)
 }
 
-fn read(job: &Job<'_>, name: &std::path::Path) -> Result<Vec<Lit>, Error> {
-    let path = job.folder.at(name);
-    let text = std::fs::read_to_string(&path)
-        .map_err(|source| Error::Read { path: path.clone(), source })?;
-    let parse = |line: &str| -> Option<Lit> {
-        let mut words = line.split(',');
-        Some(Lit {
-            timestep: words.next()?.parse().ok()?,
-            strongest_w_m2: words.nth(5)?.parse().ok()?,
-            surface: words.next()?.to_owned(),
-        })
-    };
-    let lines = text.lines().enumerate().skip(1);
-    lines
-        .map(|(i, line)| {
-            parse(line).ok_or_else(|| Error::Manifest {
-                path: path.clone(),
-                message: format!("line {} is no timestep with light", i + 1),
-            })
-        })
-        .collect()
-}
-
 /// The axes and the daylight, the same for all charts of a run.
 struct Board<'a> {
-    job: &'a Job<'a>,
-    timeline: &'a Timeline,
+    results: Results<'a>,
     lengths: Lengths,
     clock: Clock,
     /// Days that a timestep stands for.
@@ -113,19 +92,19 @@ struct Board<'a> {
 }
 
 impl<'a> Board<'a> {
-    fn new(job: &'a Job<'a>) -> Result<Self, Error> {
-        let timeline = job.timeline()?;
+    fn new(results: Results<'a>) -> Result<Self, Error> {
+        let timeline = results.timeline;
         let mut days: Vec<u32> = timeline.steps.iter().map(|s| s.day).collect();
         days.dedup();
         let gap = days.windows(2).map(|d| d[1] - d[0]).min().unwrap_or(1);
-        let clock = Clock::new(&job.resolved.project.site, timeline.year);
-        let watts = super::watts(timeline.basis);
+        let clock = Clock::new(&results.resolved.project.site, timeline.year);
+        let watts = irradiance_unit(timeline.basis);
         let lengths = Lengths::of(&TimeAxis::from(timeline))?;
-        Ok(Self { job, timeline, lengths, clock, days: f64::from(gap), watts })
+        Ok(Self { results, lengths, clock, days: f64::from(gap), watts })
     }
 
     fn cell(&self, timestep: usize, color: [u8; 3]) -> Option<Cell> {
-        let step = self.timeline.steps.get(timestep)?;
+        let step = self.results.timeline.steps.get(timestep)?;
         let day = f64::from(step.day);
         let hour = self.clock.civil_hour(step.day, step.hour);
         let half = self.lengths.hours(timestep..=timestep) / 2.0;
@@ -133,8 +112,8 @@ impl<'a> Board<'a> {
     }
 
     fn chart(&self, set: &PlannedView, title: &str) -> Chart {
-        let p = &self.job.resolved.project;
-        let steps = &self.timeline.steps;
+        let p = &self.results.resolved.project;
+        let steps = &self.results.timeline.steps;
         let cells: Vec<Cell> = (0..steps.len()).filter_map(|t| self.cell(t, DAYLIGHT)).collect();
         let low = cells.iter().map(|c| c.y[0]).fold(24.0, f64::min);
         let high = cells.iter().map(|c| c.y[1]).fold(0.0, f64::max);
@@ -163,22 +142,22 @@ impl<'a> Board<'a> {
             lines: Vec::new(),
             caption,
             watermark: self
-                .job
+                .results
                 .resolved
                 .is_draft_of(set)
                 .then(|| "draft, not for assessment".to_owned()),
         }
     }
 
-    fn by_strength(&self, chart: &mut Chart, lit: &[Lit], thresholds: &[f64]) {
+    fn by_strength(&self, chart: &mut Chart, lit: &[OccurrenceRow], thresholds: &[f64]) {
         let watts = self.watts;
-        let level = |value: f64| thresholds.iter().filter(|t| value > **t).count();
+        let level = |value: f32| thresholds.iter().filter(|t| value > **t as f32).count();
         let color = |level: usize| match level {
             0 => BELOW,
             n => ABOVE[(n - 1).min(ABOVE.len() - 1)],
         };
         // The strongest last: it must not be covered.
-        let mut order: Vec<&Lit> = lit.iter().collect();
+        let mut order: Vec<&OccurrenceRow> = lit.iter().collect();
         order.sort_by_key(|l| (level(l.strongest_w_m2), l.timestep));
         chart.cells.extend(
             order.iter().filter_map(|l| self.cell(l.timestep, color(level(l.strongest_w_m2)))),
@@ -197,28 +176,28 @@ impl<'a> Board<'a> {
             };
             chart.key.push(swatch(color(i + 1), label));
         }
-        let what = super::super::render::quantity_words(self.job.resolved.quantity);
+        let what = quantity_words(self.results.resolved.quantity);
         chart.caption.insert(
             0,
             format!("The strongest irradiance {what} at any of its points, from the PV alone, unfiltered."),
         );
     }
 
-    fn by_surface(&self, chart: &mut Chart, lit: &[&Lit], threshold: f64) {
-        let mut counts: std::collections::BTreeMap<&str, usize> = std::collections::BTreeMap::new();
+    fn by_surface(&self, chart: &mut Chart, lit: &[&OccurrenceRow], threshold: f64) {
+        let mut counts: BTreeMap<&str, usize> = BTreeMap::new();
         for l in lit {
-            *counts.entry(&l.surface).or_default() += 1;
+            *counts.entry(&l.pv_surface).or_default() += 1;
         }
         let mut names: Vec<&str> = counts.keys().copied().filter(|n| !n.is_empty()).collect();
-        names.sort_by_key(|n| (std::cmp::Reverse(counts[n]), *n));
+        names.sort_by_key(|n| (Reverse(counts[n]), *n));
         names.truncate(SURFACES.len());
         let color =
             |name: &str| names.iter().position(|n| *n == name).map_or(OTHERS, |i| SURFACES[i]);
-        chart.cells.extend(lit.iter().filter_map(|l| self.cell(l.timestep, color(&l.surface))));
+        chart.cells.extend(lit.iter().filter_map(|l| self.cell(l.timestep, color(&l.pv_surface))));
         for name in &names {
             chart.key.push(Swatch { color: color(name), label: (*name).to_owned() });
         }
-        if lit.iter().any(|l| !names.contains(&l.surface.as_str())) {
+        if lit.iter().any(|l| !names.contains(&l.pv_surface.as_str())) {
             chart.key.push(Swatch { color: OTHERS, label: "others".into() });
         }
         chart.caption.insert(
@@ -229,4 +208,11 @@ impl<'a> Board<'a> {
             ),
         );
     }
+}
+
+fn texts(results: &Results<'_>) -> Vec<(String, String)> {
+    vec![
+        ("Software".to_owned(), Provenance::PROGRAM.to_owned()),
+        ("Title".to_owned(), results.resolved.project.site.name.clone()),
+    ]
 }

@@ -1,14 +1,15 @@
 //! What the rules say of a view: its largest durations held against each limit, and how much of
 //! the view lies above it.
 
-use super::band::{self, Band};
-use super::pictures::read;
+use super::document::Table;
+use super::error::Error;
+use super::maps::read_map;
+use super::sentences::limit_words;
 use crate::base::Grid;
-use crate::project::{Candidate, PlannedView};
-use crate::report::Table;
+use crate::glare::{HourBounds, YearMap};
+use crate::project::{Candidate, GlareMap, Map, PlannedView, Results};
+use crate::receivers::metrics::conditions;
 use crate::rules::{Judged, Limit, Measured, Metrics, Outcome, Profile, Quantity};
-use crate::run::error::Error;
-use crate::run::job::Job;
 
 /// One duration map in the unit that limits use.
 #[derive(Clone)]
@@ -19,32 +20,41 @@ struct Duration {
     filtered: bool,
     map: Grid<f32>,
     /// Of hours of the year what noise leaves open.
-    band: Option<Band>,
+    band: Option<HourBounds>,
 }
 
 /// A row for each material, rule and limit.
-pub(super) fn table(job: &Job<'_>, view: &PlannedView) -> Result<Option<Table>, Error> {
+pub fn table(results: &Results<'_>, view: &PlannedView) -> Result<Option<Table>, Error> {
     let mut table = Table {
-        head: ["material", "rule", "limit", "largest here", "allowed", "verdict", "of the view"]
-            .map(str::to_owned)
-            .to_vec(),
+        head: [
+            "material",
+            "rule",
+            "limit",
+            "largest here",
+            "allowed",
+            "verdict",
+            "share of the view",
+        ]
+        .map(str::to_owned)
+        .to_vec(),
         rows: Vec::new(),
     };
-    let profiles = &job.resolved.rules;
+    let profiles = &results.resolved.rules;
     if profiles.is_empty() {
         return Ok(None);
     }
-    let hits = job.folder.read_hits(&view.name)?;
+    let hits = results.folder.read_hits(&view.name)?;
+    let lowest_w_m2 = results.thresholds_w_m2().iter().copied().fold(f64::INFINITY, f64::min);
     let receivers = hits.hits.iter().filter(|h| h.kind.receives()).count();
-    for candidate in &job.resolved.candidates {
-        let durations = durations(job, candidate, view)?;
+    for candidate in &results.resolved.candidates {
+        let durations = durations(results, candidate, view)?;
         let metrics = Metrics {
             class: None,
             measured: durations
                 .iter()
                 .map(|d| {
-                    let value = f64::from(super::report::largest(&d.map));
-                    let largest = |map: &Grid<f32>| f64::from(super::report::largest(map));
+                    let value = f64::from(d.map.largest());
+                    let largest = |map: &Grid<f32>| f64::from(map.largest());
                     let band = d.band.as_ref().map(|band| {
                         // The filter makes noise smaller: the band holds the filtered value, too.
                         [largest(&band.low_h).min(value), largest(&band.high_h).max(value)]
@@ -58,38 +68,42 @@ pub(super) fn table(job: &Job<'_>, view: &PlannedView) -> Result<Option<Table>, 
                     }
                 })
                 .collect(),
-            conditions: super::judged::conditions(job),
+            conditions: conditions(results),
         };
         for profile in profiles {
-            rows(candidate, profile, &metrics, &durations, receivers, &mut table);
+            rows(candidate, profile, (&metrics, lowest_w_m2), &durations, receivers, &mut table);
         }
     }
     Ok(Some(table))
 }
 
 fn durations(
-    job: &Job<'_>,
+    results: &Results<'_>,
     candidate: &Candidate,
     view: &PlannedView,
 ) -> Result<Vec<Duration>, Error> {
-    let g = &job.resolved.project.glare;
+    let g = &results.resolved.project.glare;
     let filter = g.sigma.iter().any(|s| *s > 0.0);
     let lowest = g.thresholds_w_m2.iter().copied().fold(f64::INFINITY, f64::min);
     let mut out = Vec::new();
     for &threshold in &g.thresholds_w_m2 {
-        let band = band::read(job, candidate, view, threshold)?;
-        for (file, channel, filtered, quantity, factor) in [
-            ("cumulative", "cumulative.h", filter, Quantity::AnnualH, 1.0),
-            ("sustained", "sustained.h", filter, Quantity::SustainedMin, 60.0),
-            ("longest_run", "longest_run.h", filter, Quantity::LongestRunMin, 60.0),
-            ("unfiltered/above_h", "above.h", false, Quantity::AnnualH, 1.0),
-            ("unfiltered/longest_run_h", "longest_run.h", false, Quantity::LongestRunMin, 60.0),
-            ("unfiltered/longest_day_h", "longest_day.h", false, Quantity::DailyTotalMin, 60.0),
+        let read = |map| read_map(results, candidate, view, Map::Glare(threshold, map));
+        let bounds = HourBounds {
+            low_h: read(GlareMap::AtLeast)?,
+            hours_h: read(GlareMap::Hours)?,
+            high_h: read(GlareMap::AtMost)?,
+        };
+        let unfiltered = GlareMap::Unfiltered;
+        for (map, filtered, quantity, factor) in [
+            (GlareMap::Cumulative, filter, Quantity::AnnualH, 1.0),
+            (GlareMap::Sustained, filter, Quantity::SustainedMin, 60.0),
+            (GlareMap::LongestRun, filter, Quantity::LongestRunMin, 60.0),
+            (unfiltered(YearMap::Above), false, Quantity::AnnualH, 1.0),
+            (unfiltered(YearMap::LongestRun), false, Quantity::LongestRunMin, 60.0),
+            (unfiltered(YearMap::LongestDay), false, Quantity::DailyTotalMin, 60.0),
         ] {
-            let exr =
-                job.folder.glare(&candidate.name, &view.name, threshold, &format!("{file}.exr"));
-            let map = read(job, &exr, channel)?.map(|h| h * factor);
-            let band = (quantity == Quantity::AnnualH).then(|| band.clone());
+            let map = read(map)?.map(|h| h * factor);
+            let band = (quantity == Quantity::AnnualH).then(|| bounds.clone());
             let threshold_w_m2 = Some(threshold);
             let duration = Duration { quantity, threshold_w_m2, filtered, map, band };
             if threshold == lowest {
@@ -104,7 +118,7 @@ fn durations(
 fn rows(
     candidate: &Candidate,
     profile: &Profile,
-    metrics: &Metrics,
+    (metrics, lowest_w_m2): (&Metrics, f64),
     durations: &[Duration],
     receivers: usize,
     table: &mut Table,
@@ -112,7 +126,7 @@ fn rows(
     let verdict = profile.judge(metrics);
     if profile.limits.is_empty() {
         let mut row = vec![candidate.name.clone(), profile.id.clone()];
-        row.extend(["none", "–", "–", "no numerical criterion", "–"].map(str::to_owned));
+        row.extend(["none", "–", "–", "no numerical limit", "–"].map(str::to_owned));
         table.rows.push(row);
     }
     let decides = |(limit, _): &(&Limit, _)| !limit.only_informs;
@@ -126,7 +140,7 @@ fn rows(
         table.rows.push(vec![
             candidate.name.clone(),
             profile.id.clone(),
-            limit.id.clone(),
+            limit_words(limit, Some(lowest_w_m2).filter(|_| limit.quantity.is_time())),
             value.unwrap_or_else(|| "–".into()),
             format!("{} {unit}", limit.value),
             words(judged).to_owned(),
@@ -151,13 +165,13 @@ fn share_above(limit: &Limit, durations: &[Duration], receivers: usize) -> Optio
     let open = (0..found.map.data().len())
         .filter(|i| band.exceeds((i % columns, i / columns), limit.value as f32).is_none())
         .count();
-    Some(format!("{}, {} undecided", percent(above), percent(open)))
+    Some(format!("{}, not certain on {}", percent(above), percent(open)))
 }
 
 fn words(judged: &Judged) -> &'static str {
     let decides = matches!(judged.outcome, Outcome::Exceeded | Outcome::Kept);
     if decides && !judged.certain {
-        return "undecided: the noise reaches over the limit";
+        return "not certain: the limit lies within the noise";
     }
     match judged.outcome {
         Outcome::Exceeded => "exceeded somewhere",

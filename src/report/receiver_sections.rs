@@ -1,57 +1,62 @@
 //! The report's part for people: what reaches each observer and region, when, from which PV, and
 //! what the rules say.
 
-use super::eyes::{hazard_png, read_eyes};
-use super::judged::{Judgement, class, eye_of, in_a_line, receivers, told};
-use super::receivers::{occurrence, read_received};
+use super::document::{Figure, Mark, Point, Section, Table, link};
+use super::error::Error;
+use super::judgements::Judgement;
+use super::sentences;
+use super::words::{self, hours, minutes};
+use crate::base::MONTHS;
 use crate::glare::Lengths;
-use crate::project::{Candidate, PlannedView};
+use crate::project::artifacts::{ReceiverFile, ReceiverId};
+use crate::project::{Candidate, PlannedView, RECEIVERS, Results};
 use crate::receivers::clock::Clock;
-use crate::receivers::eyes::{EyeYear, EyeYears, Measure};
+use crate::receivers::eyes::{EyeYear, EyeYears, Measure, read_eyes};
+use crate::receivers::metrics::eye_of;
 use crate::receivers::points::Kind;
-use crate::receivers::received::{GroupReceived, Received};
-use crate::report::words::{MONTHS, hours, minutes};
-use crate::report::{Figure, Mark, Point, Section, Table};
+use crate::receivers::received::{Received, read_received};
 use crate::rules::Outcome;
-use crate::run::error::Error;
-use crate::run::job::Job;
 use crate::volume::TimeAxis;
 
 /// Episodes that a receiver's table lists.
 const EPISODES: usize = 5;
 
 /// "In short", then the observers and regions one by one; nothing where there are none.
-pub(super) fn sections(job: &Job<'_>, judgements: &[Judgement]) -> Result<Vec<Section>, Error> {
-    let Some(set) = receivers(job) else { return Ok(vec![nobody()]) };
+pub fn sections(results: &Results<'_>, judgements: &[Judgement]) -> Result<Vec<Section>, Error> {
+    let Some(set) = results.receivers() else { return Ok(vec![nobody()]) };
     let mut all: Vec<(&Candidate, Received)> = Vec::new();
-    for candidate in &job.resolved.candidates {
-        all.push((candidate, read_received(job, candidate, set)?));
+    for candidate in &results.resolved.candidates {
+        all.push((candidate, read_received(results, candidate, set)?));
     }
-    let eyes: Vec<EyeYears> =
-        job.resolved.candidates.iter().map(|c| read_eyes(job, c)).collect::<Result<_, _>>()?;
-    let clock = Clock::new(&job.resolved.project.site, job.timeline()?.year);
+    let eyes: Vec<EyeYears> = results
+        .resolved
+        .candidates
+        .iter()
+        .map(|c| read_eyes(results, c))
+        .collect::<Result<_, _>>()?;
+    let clock = Clock::new(&results.resolved.project.site, results.timeline.year);
     let count = all.first().map_or(0, |(_, r)| r.groups.len());
     let mut parts = Vec::new();
     for number in 0..count {
-        parts.push(receiver(job, set, (&all, &eyes), number, &clock, judgements)?);
+        parts.push(receiver(results, set, (&all, &eyes), number, &clock, judgements)?);
     }
     let each = Section {
         heading: "Observers and regions".into(),
         text: vec![
-            "A region is looked at by points on its surfaces; times are those of the point that is dazzled most, unless it says “anywhere”.".into(),
+            "A region is represented by points on its surfaces. Its times are those of the point with the most glare, unless the text says that they hold somewhere on it.".into(),
         ],
-        tables: std::iter::once(totals(&all, &clock)).chain(by_month(job, &all)).collect(),
+        tables: std::iter::once(totals(&all, &clock)).chain(by_month(results, &all)).collect(),
         parts,
         ..Section::default()
     };
-    Ok(vec![in_short(job, judgements, &all), each])
+    Ok(vec![in_short(results, judgements, &all), each])
 }
 
 fn nobody() -> Section {
     Section {
         heading: "Observers and regions".into(),
         text: vec![
-            "The project names none: add [[observer]] and [[region]] to project.toml (a neighbour's façade, a road, a plot) to read here who is dazzled, when, for how long, and what the rules say.".into(),
+            "The project names no observer and no region. Add [[observer]] and [[region]] to project.toml (a window, a neighbour's façade, a road, a plot) to read here who is dazzled, when, for how long, and what the rules say.".into(),
         ],
         ..Section::default()
     }
@@ -69,10 +74,14 @@ fn mark(j: &Judgement) -> Mark {
 }
 
 /// For each material: whom it dazzles more than the first rule allows, and whom it doesn't.
-fn in_short(job: &Job<'_>, judgements: &[Judgement], all: &[(&Candidate, Received)]) -> Section {
+fn in_short(
+    results: &Results<'_>,
+    judgements: &[Judgement],
+    all: &[(&Candidate, Received)],
+) -> Section {
     let mut points = Vec::new();
     for (candidate, _) in all {
-        for rule in &job.resolved.rules {
+        for rule in &results.resolved.rules {
             let mine: Vec<&Judgement> = judgements
                 .iter()
                 .filter(|j| j.material == candidate.name && j.rule == rule.id)
@@ -82,7 +91,7 @@ fn in_short(job: &Job<'_>, judgements: &[Judgement], all: &[(&Candidate, Receive
                     .filter(|j| outcome(j.verdict.outcome))
                     .map(|j| match mark(j) {
                         Mark::Open if j.verdict.outcome != Outcome::NotEvaluated => {
-                            format!("{} (undecided: noise)", j.receiver)
+                            format!("{} (not certain within the noise)", j.receiver)
                         }
                         _ => j.receiver.clone(),
                     })
@@ -92,15 +101,15 @@ fn in_short(job: &Job<'_>, judgements: &[Judgement], all: &[(&Candidate, Receive
             let within = names(&|o| matches!(o, Outcome::Kept | Outcome::Excused));
             let open = names(&|o| o == Outcome::NotEvaluated);
             let mut text = String::new();
-            for (words, list) in
-                [("Above it: ", &over), ("Within it: ", &within), ("Not evaluated: ", &open)]
+            for (lead, list) in
+                [("Exceeded at ", &over), ("Kept at ", &within), ("Not evaluated at ", &open)]
             {
                 if !list.is_empty() {
-                    text += &format!("{words}{}. ", list.join("; "));
+                    text += &format!("{lead}{}. ", words::list(list.iter().cloned()));
                 }
             }
             if text.is_empty() {
-                text = "No limit applies.".into();
+                text = "The rule has no limit that applies here.".into();
             }
             let mark = match (over.is_empty(), within.is_empty(), open.is_empty()) {
                 (false, _, _) => Mark::Exceeded,
@@ -109,18 +118,18 @@ fn in_short(job: &Job<'_>, judgements: &[Judgement], all: &[(&Candidate, Receive
             };
             let today = if mine.iter().any(|j| j.reference) { " (for comparison)" } else { "" };
             points.push(Point {
-                lead: format!("{}{today}, {}:", candidate.name, rule.id),
+                lead: format!("{}{today}, rule {}:", candidate.name, rule.id),
                 text: text.trim_end().to_owned(),
                 mark,
             });
         }
     }
     let mut text = Vec::new();
-    for rule in &job.resolved.rules {
+    for rule in &results.resolved.rules {
         let status = serde_json::to_value(rule.status).ok();
         let status = status.as_ref().and_then(|s| s.as_str()).unwrap_or("");
         text.push(format!(
-            "{} (version {}, {status}): {}. {}",
+            "Rule {} (version {}, {status}) is taken from: {}. {}",
             rule.id, rule.version, rule.source, rule.note
         ));
     }
@@ -136,8 +145,8 @@ fn totals(all: &[(&Candidate, Received)], clock: &Clock) -> Table {
             "material",
             "energy (Wh/m²)",
             "peak (W/m²)",
-            "30 min worst day (W/m²)",
-            "50 h a year (W/m²)",
+            "exceeded for 30 min of the worst day (W/m²)",
+            "exceeded for 50 h of the year (W/m²)",
         ]
         .map(str::to_owned)
         .to_vec(),
@@ -188,8 +197,8 @@ fn totals(all: &[(&Candidate, Received)], clock: &Clock) -> Table {
 
 /// Hours of glare in each month, a row for each material and receiver that is dazzled; not where
 /// the months of half the year aren't known.
-fn by_month(job: &Job<'_>, all: &[(&Candidate, Received)]) -> Option<Table> {
-    if job.resolved.project.time.half_year {
+fn by_month(results: &Results<'_>, all: &[(&Candidate, Received)]) -> Option<Table> {
+    if results.resolved.project.time.half_year {
         return None;
     }
     let mut head: Vec<String> =
@@ -216,7 +225,7 @@ fn by_month(job: &Job<'_>, all: &[(&Candidate, Received)]) -> Option<Table> {
 }
 
 fn receiver(
-    job: &Job<'_>,
+    results: &Results<'_>,
     set: &PlannedView,
     (all, eyes): (&[(&Candidate, Received)], &[EyeYears]),
     number: usize,
@@ -225,17 +234,17 @@ fn receiver(
 ) -> Result<Section, Error> {
     let mut out = Section::default();
     let Some(first) = all.first().and_then(|(_, r)| r.groups.get(number)) else { return Ok(out) };
-    out.heading = match class(job, &first.name) {
+    out.heading = match results.class(&first.name) {
         Some(class) => {
             let word = serde_json::to_value(class).ok();
             format!("{} ({})", first.name, word.as_ref().and_then(|w| w.as_str()).unwrap_or(""))
         }
         None => first.name.clone(),
     };
-    out.text.push(where_it_is(first));
+    out.text.push(sentences::place(first));
     let has_eye = eyes.iter().any(|e| eye_of(e, first).is_some());
     if first.not_evaluated.is_some() && !has_eye {
-        out.points.extend(told(clock, first).into_iter().map(|text| Point {
+        out.points.extend(sentences::durations(clock, first).into_iter().map(|text| Point {
             text,
             mark: Mark::Open,
             ..Point::default()
@@ -248,25 +257,31 @@ fn receiver(
         let Some(group) = received.groups.get(number) else { continue };
         let eye = eye_of(eyes, group);
         let text = match (eye, group.not_evaluated.is_some()) {
-            (Some(eye), true) => eye_told(clock, eye),
-            _ => told(clock, group),
+            (Some(eye), true) => sentences::eye_durations(clock, eye),
+            _ => sentences::durations(clock, group),
         };
         let of_material: Vec<&Judgement> = judgements
             .iter()
             .filter(|j| j.material == candidate.name && j.receiver == group.name)
             .collect();
-        let line = in_a_line(clock, group, eye, &of_material);
+        let verdicts: Vec<_> = of_material.iter().map(|j| &j.verdict).collect();
+        let glance = sentences::at_a_glance(clock, group, eye, &verdicts);
         out.points.push(Point {
             lead: format!("{}:", candidate.name),
-            text: [line, text].concat().join(" "),
+            text: glance.into_iter().chain(text).collect::<Vec<_>>().join(" "),
             mark: Mark::Plain,
         });
         if let Some(eye) = eye {
-            looks.rows.push(look(job, clock, &candidate.name, eye)?);
-            let png = hazard_png(job, candidate, number, &group.name);
-            if eye.luminance_cd_m2.value > 0.0 && job.folder.at(&png).exists() {
+            looks.rows.push(look(results, clock, &candidate.name, eye)?);
+            let png = results.folder.receiver(
+                &candidate.name,
+                RECEIVERS,
+                ReceiverId { number, name: &group.name },
+                ReceiverFile::HazardChart,
+            );
+            if eye.luminance_cd_m2.value > 0.0 && results.folder.at(&png).exists() {
                 charts.push(Figure {
-                    path: png.to_string_lossy().replace('\\', "/"),
+                    path: link(&png),
                     caption: format!("{}, {}: hazard to the eye", group.name, candidate.name),
                 });
             }
@@ -276,7 +291,11 @@ fn receiver(
                 text: match j.criteria.is_empty() {
                     true => j.sentence.clone(),
                     false => {
-                        format!("{} Criteria met: {}.", j.sentence, j.criteria.join("; "))
+                        format!(
+                            "{} Criteria of the rule that are met: {}.",
+                            j.sentence,
+                            j.criteria.join("; ")
+                        )
                     }
                 },
                 mark: mark(j),
@@ -285,14 +304,15 @@ fn receiver(
         }
         // An empty chart says no more than the sentence.
         let dazzles = group.thresholds.iter().any(|t| t.anywhere.hours > 0.0);
-        let stem = occurrence(number, &group.name);
-        for (end, words) in
-            [(".png", "when it is lit, and how strongly"), ("-pv.png", "which PV it is")]
-        {
-            let png = job.folder.map(&candidate.name, &set.name, &format!("{stem}{end}"));
-            if dazzles && job.folder.at(&png).exists() {
+        for (chart, words) in [
+            (ReceiverFile::StrengthChart, "when it is lit, and how strongly"),
+            (ReceiverFile::SurfaceChart, "which PV it is"),
+        ] {
+            let id = ReceiverId { number, name: &group.name };
+            let png = results.folder.receiver(&candidate.name, &set.name, id, chart);
+            if dazzles && results.folder.at(&png).exists() {
                 charts.push(Figure {
-                    path: png.to_string_lossy().replace('\\', "/"),
+                    path: link(&png),
                     caption: format!(
                         "{}, {}: {words}, by day and clock time",
                         group.name, candidate.name
@@ -303,29 +323,8 @@ fn receiver(
     }
     out.figures = charts;
     out.tables.extend((!looks.rows.is_empty()).then_some(looks));
-    out.tables.extend(episodes(job, all, number, clock)?);
+    out.tables.extend(episodes(results, all, number, clock)?);
     Ok(out)
-}
-
-/// An observer on the PV: photons don't land there, the eye's irradiance is integrated.
-fn eye_told(clock: &Clock, eye: &EyeYear) -> Vec<String> {
-    let mut out = Vec::new();
-    for time in &eye.times {
-        let Measure::Irradiance(t) = time.measure else { continue };
-        let g = &time.glare;
-        if g.hours <= 0.0 {
-            out.push(format!("Never above {t} W/m² at the eye."));
-            continue;
-        }
-        out.push(format!(
-            "Above {t} W/m² at the eye for {} on {}, {} in the year.",
-            minutes(g.longest_day_h * 60.0),
-            clock.date(g.longest_day),
-            hours(g.hours)
-        ));
-    }
-    out.push("Integrated over the PV, without photons.".into());
-    out
 }
 
 /// What the eye of an observer sees, a row for each material.
@@ -338,8 +337,8 @@ fn looks_table() -> Table {
             "when",
             "above 30 kcd/m²",
             "above 50 kcd/m²",
-            "potential for an after-image",
-            "for a burn",
+            "after-image possible",
+            "burn of the retina possible",
             "veil (cd/m²)",
         ]
         .map(str::to_owned)
@@ -348,8 +347,13 @@ fn looks_table() -> Table {
     }
 }
 
-fn look(job: &Job<'_>, clock: &Clock, material: &str, eye: &EyeYear) -> Result<Vec<String>, Error> {
-    let timeline = job.timeline()?;
+fn look(
+    results: &Results<'_>,
+    clock: &Clock,
+    material: &str,
+    eye: &EyeYear,
+) -> Result<Vec<String>, Error> {
+    let timeline = results.timeline;
     let at =
         |t: usize| timeline.steps.get(t).map_or_else(String::new, |s| clock.show(s.day, s.hour));
     let long = |measure| match eye.time(measure) {
@@ -377,43 +381,14 @@ fn look(job: &Job<'_>, clock: &Clock, material: &str, eye: &EyeYear) -> Result<V
     ])
 }
 
-fn where_it_is(group: &GroupReceived) -> String {
-    let mut parts = Vec::new();
-    match (group.kind, group.points) {
-        (_, 0) => {}
-        (Kind::Observer, _) if group.in_air > 0 => parts.push("an observer in free air".into()),
-        (Kind::Observer, _) => parts.push("an observer on a surface".into()),
-        (_, n) if group.area_m2 > 0.0 => {
-            parts.push(format!("{n} points on {:.0} m²", group.area_m2));
-        }
-        (_, n) => parts.push(format!("{n} points")),
-    }
-    if group.in_air > 0 && group.kind != Kind::Observer {
-        parts.push(format!("{} of them in free air", group.in_air));
-    }
-    match &group.pv {
-        Some(pv) => parts.push(format!(
-            "the nearest PV in sight is {:.0} m away, the PV spans up to {:.1}° ({:.4} sr)",
-            pv.nearest_m, pv.widest_deg, pv.solid_angle_sr
-        )),
-        None => parts.push("no PV is in sight".into()),
-    }
-    parts.extend(group.notes.iter().cloned());
-    let mut text = parts.join("; ");
-    if let Some(first) = text.get(..1) {
-        text = format!("{}{}.", first.to_uppercase(), &text[1..]);
-    }
-    text
-}
-
 /// The longest times at which it is dazzled anywhere, at the lowest threshold that is exceeded.
 fn episodes(
-    job: &Job<'_>,
+    results: &Results<'_>,
     all: &[(&Candidate, Received)],
     number: usize,
     clock: &Clock,
 ) -> Result<Option<Table>, Error> {
-    let timeline = job.timeline()?;
+    let timeline = results.timeline;
     let lengths = Lengths::of(&TimeAxis::from(timeline))?;
     let mut table = Table {
         head: ["material", "above (W/m²)", "from", "to", "duration", "peak (W/m²)", "mostly from"]

@@ -1,5 +1,5 @@
-//! What was found out about a tile beside its series, so that an interrupted run doesn't render
-//! the tile again for it.
+//! What was found out about the tiles of a series, kept beside it, so that an interrupted run
+//! doesn't render a tile again for it.
 
 use std::fs::{File, OpenOptions};
 use std::io::{self, Read, Seek, SeekFrom, Write};
@@ -16,14 +16,14 @@ const NUMBERS: usize = 2 * TILE_EDGE * TILE_EDGE;
 const RECORD: usize = 8 + 4 * NUMBERS;
 
 /// A sink with a file of notes beside it: a record for each tile, in the order of the tiles.
-pub(super) struct Noted<'a> {
+pub(super) struct TileNotes<'a> {
     sink: &'a dyn TileSink,
     path: &'a Path,
     across: usize,
     file: Mutex<File>,
 }
 
-impl<'a> Noted<'a> {
+impl<'a> TileNotes<'a> {
     /// Opens the file or makes it. `columns`: of the picture.
     pub fn open(sink: &'a dyn TileSink, path: &'a Path, columns: usize) -> Result<Self, Error> {
         let mut how = OpenOptions::new();
@@ -56,7 +56,7 @@ impl<'a> Noted<'a> {
     }
 }
 
-impl TileSink for Noted<'_> {
+impl TileSink for TileNotes<'_> {
     fn has(&self, tile: TileRect) -> bool {
         self.sink.has(tile)
     }

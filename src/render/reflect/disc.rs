@@ -1,24 +1,52 @@
+//! The sun's disc: points, lines and chords that stand for it, and the share of it that is seen
+//! through a triangle.
+
 use std::f64::consts::PI;
 
 use glam::DVec3;
 
-use super::lobe::Place;
 use crate::base::Frame;
+
+/// A point of the sun's disc that stands for a part of it.
+#[derive(Clone, Copy, Debug)]
+pub(in crate::render) struct DiscPoint {
+    /// In the sun's frame: to the side, up, and along.
+    pub at: [f32; 3],
+    /// Share of the disc.
+    pub share: f32,
+    /// Halves of the mean squares of the rest of the disc around it, to the side and up: the
+    /// second order of its mean.
+    pub second: [f32; 2],
+    /// Half of the height of the chord that it stands for, rad: over that the lobe's mean is exact.
+    /// 0 for a point.
+    pub chord: f32,
+}
+
+/// A straight strip of the disc, from one point of its rim to another.
+#[derive(Clone, Copy, Debug)]
+pub(in crate::render) struct DiscLine {
+    /// Direction to its middle; not a unit vector.
+    pub middle: DVec3,
+    /// From there to an end.
+    pub way: DVec3,
+    /// Share of the disc.
+    pub share: f64,
+}
 
 /// The sun's disc: its radius, and points that stand for it.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Disc {
+pub(in crate::render) struct Disc {
     pub radius_rad: f64,
 }
 
 impl Disc {
-    pub(super) fn new(diameter_deg: f64) -> Self {
+    pub(in crate::render) fn new(diameter_deg: f64) -> Self {
         Self { radius_rad: 0.5 * diameter_deg.to_radians() }
     }
 
     /// Sixteen places all over the disc: two rings by the rule of Gauss and Legendre for the square of
     /// the radius, the outer one turned by half a step.
-    pub(super) fn rings(&self) -> Vec<Place> {
+    pub(in crate::render) fn rings(&self) -> Vec<DiscPoint> {
         const AT: f64 = 0.577_350_269_189_625_8;
         const AROUND: u32 = 8;
         let mut out = Vec::new();
@@ -27,7 +55,7 @@ impl Disc {
             for i in 0..AROUND {
                 let turn = f64::from(i) + 0.5 * ring as f64;
                 let angle = 2.0 * PI * turn / f64::from(AROUND);
-                out.push(Place {
+                out.push(DiscPoint {
                     at: self.at(r * libm::cos(angle), r * libm::sin(angle)),
                     share: 0.5 / AROUND as f32,
                     second: [0.0; 2],
@@ -39,19 +67,19 @@ impl Disc {
     }
 
     /// The middle, with all of the disc around it.
-    pub(super) fn middle(&self) -> Place {
+    pub(in crate::render) fn middle(&self) -> DiscPoint {
         let second = (0.125 * self.radius_rad * self.radius_rad) as f32;
-        Place { at: [0.0, 0.0, 1.0], share: 1.0, second: [second; 2], chord: 0.0 }
+        DiscPoint { at: [0.0, 0.0, 1.0], share: 1.0, second: [second; 2], chord: 0.0 }
     }
 
     /// Places to the side of the middle, by the rule of Gauss and Chebyshev for the breadths of a
     /// circle (Abramowitz and Stegun 25.4.40), each with what lies above and below it.
-    pub(super) fn line(&self, count: u32) -> Vec<Place> {
+    pub(in crate::render) fn line(&self, count: u32) -> Vec<DiscPoint> {
         let place = |k: u32| {
             let angle = PI * f64::from(k) / f64::from(count + 1);
             let (sin, u) = (libm::sin(angle), libm::cos(angle));
             let above = self.radius_rad * self.radius_rad * sin * sin / 6.0;
-            Place {
+            DiscPoint {
                 at: self.at(u, 0.0),
                 share: (2.0 * sin * sin / f64::from(count + 1)) as f32,
                 second: [0.0, above as f32],
@@ -62,7 +90,7 @@ impl Disc {
     }
 
     /// The same with what lies above and below taken as a chord, however high the sun stands.
-    pub(super) fn chords(&self, count: u32) -> Vec<Place> {
+    pub(in crate::render) fn chords(&self, count: u32) -> Vec<DiscPoint> {
         let mut out = self.line(count);
         for (k, place) in (1..=count).zip(&mut out) {
             let sin = libm::sin(PI * f64::from(k) / f64::from(count + 1));
@@ -70,6 +98,28 @@ impl Disc {
             place.second = [0.0; 2];
         }
         out
+    }
+
+    /// Strips of even breadth around `sun` that run at half a right angle to the frame's axes.
+    pub(in crate::render) fn askew_lines(
+        &self,
+        sun: DVec3,
+        count: u32,
+    ) -> impl Iterator<Item = DiscLine> {
+        let frame = Frame::around(sun);
+        let radius = libm::tan(self.radius_rad) * std::f64::consts::FRAC_1_SQRT_2;
+        let (along, across) = ((frame.x + frame.y) * radius, (frame.x - frame.y) * radius);
+        // Area of the unit circle up to a chord.
+        let up_to = |x: f64| x * (1.0 - x * x).max(0.0).sqrt() + libm::asin(x);
+        (0..count).map(move |i| {
+            let [low, high] = [i, i + 1].map(|k| 2.0 * f64::from(k) / f64::from(count) - 1.0);
+            let x = 0.5 * (low + high);
+            DiscLine {
+                middle: sun + across * x,
+                way: along * (1.0 - x * x).sqrt(),
+                share: (up_to(high) - up_to(low)) / PI,
+            }
+        })
     }
 
     fn at(&self, u: f64, v: f64) -> [f32; 3] {
@@ -80,7 +130,7 @@ impl Disc {
     /// Share of the disc around `sun` that is seen through a triangle of directions, in closed
     /// form: on the plane across the sun's direction the disc is a circle, the triangle a
     /// polygon.
-    pub(super) fn share(&self, sun: &Frame, corners: &[DVec3; 3]) -> f64 {
+    pub(in crate::render) fn share(&self, sun: &Frame, corners: &[DVec3; 3]) -> f64 {
         let scale = 1.0 / libm::tan(self.radius_rad);
         let mut flat = [(0.0, 0.0); 4];
         let mut count = 0;
@@ -186,7 +236,7 @@ mod tests {
         for (places, count, degree) in ways {
             assert_eq!(places.len(), count);
             let mean = |f: &dyn Fn(f64, f64) -> f64| {
-                let of = |p: &Place| {
+                let of = |p: &DiscPoint| {
                     let [u, v, w] = p.at.map(f64::from);
                     f64::from(p.share) * f(u / w / disc.radius_rad, v / w / disc.radius_rad)
                 };
@@ -205,7 +255,7 @@ mod tests {
         for count in [3, 5, 9, 17] {
             let line = disc.line(count);
             let share: f64 = line.iter().map(|p| f64::from(p.share)).sum();
-            let squares = |of: &dyn Fn(&Place) -> f64| {
+            let squares = |of: &dyn Fn(&DiscPoint) -> f64| {
                 line.iter().map(|p| f64::from(p.share) * of(p)).sum::<f64>()
             };
             let radius2 = disc.radius_rad * disc.radius_rad;

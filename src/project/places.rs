@@ -14,7 +14,6 @@ use serde::Serialize;
 use toml::Spanned;
 use toml::de::{DeArray, DeTable, DeValue};
 
-use super::error::Error;
 use crate::base::limits::MAX_FINDINGS_SHOWN;
 
 /// A key of the project file: `site.latitude`, or `size` of the third `[[view]]`.
@@ -140,9 +139,9 @@ impl Places {
         }
     }
 
-    /// An error of one mistake.
-    pub fn wrong(&self, key: &Key, what: &str) -> Error {
-        Mistakes { path: self.file.clone(), list: vec![self.mistake(key, what)] }.into()
+    /// One mistake alone.
+    pub fn wrong(&self, key: &Key, what: &str) -> Mistakes {
+        Mistakes { path: self.file.clone(), list: vec![self.mistake(key, what)] }
     }
 
     /// Where a key stands; where it is missing, the table that misses it.

@@ -179,7 +179,7 @@ impl Resolved {
 
     /// A mistake in the project file that shows only once it is put to use.
     pub fn mistake(&self, key: &Key, what: impl AsRef<str>) -> Error {
-        self.places.wrong(key, what.as_ref())
+        self.places.wrong(key, what.as_ref()).into()
     }
 
     /// A mistake in what was asked for beside the project file.

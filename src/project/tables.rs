@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 use super::view_tables::{
     MomentTable, ObserverTable, ReceiversTable, RegionTable, SeasonTable, ViewTable,
 };
-use super::words::{NamedStrength, StrengthTable, Unit, Up, WordOr};
+use super::words::{DayEntry, NamedStrength, StrengthTable, Unit, Up, WordOr};
 use crate::base::Irradiance;
 use crate::glare::{self, Connectivity};
 use crate::site::{PvArray, Select};
@@ -279,16 +279,6 @@ pub struct DaysTable {
     pub to: DayEntry,
     /// In days.
     pub step: u32,
-}
-
-/// A day as a number from 0 or as a date `"06-11"`.
-#[derive(Clone, Debug, Deserialize, Serialize)]
-#[serde(untagged, expecting = "expected a day of the year (0 is 1 January) or a date \"MM-DD\"")]
-pub enum DayEntry {
-    /// 0 is 1 January.
-    Number(u32),
-    /// Month and day.
-    Date(String),
 }
 
 /// `hours = { from = 4.5, to = 20.5, step = 0.25 }`

@@ -4,8 +4,7 @@ use std::path::PathBuf;
 
 use serde::{Deserialize, Serialize};
 
-use super::tables::DayEntry;
-use super::words::{ReceiversBy, ViewBy};
+use super::words::{DayEntry, ReceiversBy, ViewBy};
 use crate::render::Kernel;
 use crate::rules::Class;
 use crate::site::Coordinates;

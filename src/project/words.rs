@@ -153,6 +153,16 @@ pub struct StrengthTable {
     pub linke: Option<Vec<f64>>,
 }
 
+/// A day as a number from 0 or as a date `"06-11"`.
+#[derive(Clone, Debug, Read, Serialize)]
+#[serde(untagged, expecting = "expected a day of the year (0 is 1 January) or a date \"MM-DD\"")]
+pub enum DayEntry {
+    /// 0 is 1 January.
+    Number(u32),
+    /// Month and day.
+    Date(String),
+}
+
 /// A word, or a table where a word doesn't say enough.
 #[derive(Clone, Debug, Serialize)]
 #[serde(untagged)]

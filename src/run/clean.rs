@@ -3,14 +3,14 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
-use std::path::{Component, Path, PathBuf};
+use std::path::{Path, PathBuf};
 
 use glintmap_formats::seal;
 use serde::Serialize;
 
+use super::disk::{lies_inside, remove, used_bytes};
 use super::error::Error;
-use super::estimate::used_bytes;
-use super::job::Stage;
+use super::stage::Stage;
 use super::units::units;
 use crate::project::Folder;
 use crate::project::Manifest;
@@ -157,37 +157,9 @@ fn sort_out(
     Ok(found)
 }
 
-/// The manifest is a file like any other: what it names must lie below `run/`.
-pub(super) fn lies_inside(name: &Path) -> bool {
-    name.components().all(|c| matches!(c, Component::Normal(_))) && name.file_name().is_some()
-}
-
 fn size(path: &Path) -> Result<u64, Error> {
     let meta = fs::symlink_metadata(path)?;
     if meta.is_dir() { used_bytes(path) } else { Ok(meta.len()) }
-}
-
-/// Removes a file, or a folder with all that is in it. A folder loses its name first, so that
-/// nobody takes half of it for the whole.
-///
-/// # Errors
-/// [`Error::Write`].
-pub(super) fn remove(path: &Path) -> Result<(), Error> {
-    let failed = |source| Error::Write { path: path.to_owned(), source };
-    // What a removal that was killed half-way left without its name goes first, also where that is
-    // all there is.
-    let nameless = seal::growing(path);
-    if fs::symlink_metadata(&nameless).is_ok_and(|m| m.is_dir()) {
-        fs::remove_dir_all(&nameless).map_err(failed)?;
-    }
-    let removed = match fs::symlink_metadata(path) {
-        Err(_) => Ok(()),
-        Ok(m) if m.is_dir() => {
-            fs::rename(path, &nameless).and_then(|()| fs::remove_dir_all(&nameless))
-        }
-        Ok(_) => fs::remove_file(path),
-    };
-    removed.map_err(failed)
 }
 
 /// Folders that held nothing else go as well; one that isn't empty refuses, and stays.
@@ -198,35 +170,5 @@ fn forget_empty_folders(folder: &Folder, output: &Path) {
             return;
         }
         at = name.parent();
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn names_that_lead_out_of_the_run_folder_are_not_ours() {
-        for good in ["suns.csv", "standard/plan/series.zarr"] {
-            assert!(lies_inside(Path::new(good)), "{good}");
-        }
-        for bad in ["../thesis.txt", "/etc/passwd", "a/../../b", "", "."] {
-            assert!(!lies_inside(Path::new(bad)), "{bad}");
-        }
-    }
-
-    #[test]
-    fn a_removal_that_was_killed_is_finished_by_the_next() {
-        let keep = tempfile::tempdir().expect("a folder");
-        let path = keep.path().join("spill");
-        let half = keep.path().join("spill.tmp");
-        fs::create_dir(&half).expect("makes");
-        remove(&path).expect("removes what is left");
-        assert!(!half.exists());
-        for folder in [&path, &half] {
-            fs::create_dir(folder).expect("makes");
-        }
-        remove(&path).expect("removes both");
-        assert!(!half.exists() && !path.exists());
     }
 }

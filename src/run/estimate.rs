@@ -11,8 +11,10 @@ use std::path::{Path, PathBuf};
 
 use serde::Serialize;
 
+use super::disk::{bytes_in_words, free_bytes, used_bytes};
 use super::error::Error;
-use super::job::{Job, Stage};
+use super::job::Job;
+use super::stage::Stage;
 use crate::bsdf::{Bsdf, Term};
 use crate::project::{Candidate, PlannedView, Resolved, SeriesKept};
 
@@ -469,14 +471,6 @@ fn direct_s(candidate: &Candidate, steps: f64) -> f64 {
     1.0 / rate::SIGHTS_PER_S + lit::DIRECT * steps * slowest
 }
 
-/// Free bytes for us on the disk where `path`, or the nearest folder above it, lies.
-fn free_bytes(path: &Path) -> Result<u64, Error> {
-    let mut at = std::path::absolute(path)?;
-    while !at.exists() && at.pop() {}
-    let stat = rustix::fs::statvfs(&at).map_err(std::io::Error::from)?;
-    Ok(stat.f_bavail.saturating_mul(stat.f_frsize))
-}
-
 /// Refuses a run that is expected to fill the disk. What is current already costs nothing more,
 /// and what lies there unfinished or out of date makes room or is gone on with.
 ///
@@ -513,31 +507,6 @@ fn still_needed(stages: &[(u64, usize, usize)], there: u64) -> u64 {
     };
     let sum = stages.iter().map(share).fold(0, u64::saturating_add);
     sum.saturating_sub(there)
-}
-
-/// Bytes of all files below a folder; 0 if there is none.
-pub(super) fn used_bytes(path: &Path) -> Result<u64, Error> {
-    if !path.is_dir() {
-        return Ok(0);
-    }
-    let mut sum = 0;
-    for entry in std::fs::read_dir(path)? {
-        let entry = entry?;
-        let meta = entry.metadata()?;
-        sum += if meta.is_dir() { used_bytes(&entry.path())? } else { meta.len() };
-    }
-    Ok(sum)
-}
-
-/// `1.5 GB`
-pub fn bytes_in_words(bytes: u64) -> String {
-    let value = bytes as f64;
-    for (unit, size) in [("TB", 1e12), ("GB", 1e9), ("MB", 1e6), ("kB", 1e3)] {
-        if value >= size {
-            return format!("{:.1} {unit}", value / size);
-        }
-    }
-    format!("{bytes} B")
 }
 
 #[cfg(test)]

@@ -10,7 +10,7 @@ use glintmap_formats::fault;
 use serde_json::{Value, json};
 
 use super::error::Error;
-use super::job::Options;
+use super::stage::Options;
 use crate::base::{Interrupted, Progress, Provenance};
 use crate::project::Folder;
 use crate::project::artifacts::LOG;

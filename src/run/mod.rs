@@ -3,6 +3,7 @@
 
 mod clean;
 mod cpu;
+mod disk;
 mod error;
 mod estimate;
 mod job;
@@ -10,16 +11,19 @@ mod log;
 pub mod replay;
 mod runner;
 mod site_plan;
+mod stage;
 mod stages;
 mod units;
 mod verify;
 
 pub use clean::{Cleaned, Part, Usage, clean};
 pub use cpu::{Took, Watch};
+pub use disk::bytes_in_words;
 pub use error::Error;
-pub use estimate::{Estimate, StageEstimate, bytes_in_words, estimate};
-pub use job::{Options, Stage, Summary};
+pub use estimate::{Estimate, StageEstimate, estimate};
+pub use job::Summary;
 pub use runner::run;
 pub use site_plan::draw_site;
+pub use stage::{Options, Stage};
 pub use units::{HandedOn, OfView, Unit, Work, units};
 pub use verify::verify;

@@ -4,8 +4,9 @@ use std::time::Instant;
 
 use super::error::Error;
 use super::estimate::refuse_full_disk;
-use super::job::{Job, Made, Options, Stage, Summary};
+use super::job::{Job, Made, Summary};
 use super::log::{Log, Logged};
+use super::stage::{Options, Stage};
 use super::stages;
 use super::units::{Unit, Work};
 use crate::base::Progress;

@@ -16,7 +16,7 @@ use std::path::PathBuf;
 use glintmap_formats::seal;
 
 use super::error::Error;
-use super::job::Stage;
+use super::stage::Stage;
 use crate::project::keys::Keys;
 use crate::project::{
     Candidate, Folder, PhotonGather, Picture, PlannedView, Points, Resolved, SeriesOf, Target,

@@ -7,6 +7,7 @@ use std::path::Path;
 use serde::{Deserialize, Serialize};
 
 use crate::checksum::{crc32c, crc32c_append};
+use crate::records::{Packer, Unpacker};
 use crate::{header, seal};
 
 /// The name in the header.
@@ -20,8 +21,8 @@ pub const BLOCK_ROWS: usize = 64;
 /// The names of the kinds, by number.
 pub const KINDS: [&str; 6] = ["receiver", "sky", "pv", "clipped", "beyond", "hidden"];
 
+/// Bytes before a block: first row, rows, bytes of the content, checksum.
 const FRAME: usize = 16;
-const LEVEL: i32 = 1;
 const MAX_EDGE: usize = 65_536;
 const MAX_PIXELS: usize = 64_000_000;
 
@@ -114,21 +115,27 @@ pub struct Record {
 }
 
 impl Record {
-    fn words(&self) -> [u32; 9] {
-        let [x, y, z] = self.position_m.map(f32::to_bits);
-        let [u, v, w] = self.normal.map(f32::to_bits);
-        [x, y, z, u, v, w, self.object, self.face, self.pv_distance_m.to_bits()]
+    fn to_bytes(self) -> [u8; RECORD_BYTES] {
+        let floats = self.position_m.into_iter().chain(self.normal).map(f32::to_bits);
+        let words = floats.chain([self.object, self.face, self.pv_distance_m.to_bits()]);
+        let mut out = [0; RECORD_BYTES];
+        for (bytes, word) in out.chunks_exact_mut(4).zip(words) {
+            bytes.copy_from_slice(&word.to_le_bytes());
+        }
+        out[RECORD_BYTES - 1] = self.kind;
+        out
     }
 
-    fn from_words(words: [u32; 9], kind: u8) -> Self {
-        let f = |i: usize| f32::from_bits(words[i]);
+    fn from_bytes(bytes: &[u8; RECORD_BYTES]) -> Self {
+        let word = |i: usize| u32::from_le_bytes(std::array::from_fn(|k| bytes[4 * i + k]));
+        let vector = |first: usize| std::array::from_fn(|axis| f32::from_bits(word(first + axis)));
         Self {
-            position_m: [f(0), f(1), f(2)],
-            normal: [f(3), f(4), f(5)],
-            object: words[6],
-            face: words[7],
-            pv_distance_m: f(8),
-            kind,
+            position_m: vector(0),
+            normal: vector(3),
+            object: word(6),
+            face: word(7),
+            pv_distance_m: f32::from_bits(word(8)),
+            kind: bytes[RECORD_BYTES - 1],
         }
     }
 
@@ -145,28 +152,20 @@ impl Record {
 pub fn write(path: &Path, facts: &Facts, record: impl Fn(usize) -> Record) -> Result<(), Error> {
     seal::write(path, |out| {
         header::write(out, NAME, VERSION, facts)?;
+        let mut packer = Packer::new()?;
         for first in (0..facts.rows).step_by(BLOCK_ROWS) {
             let rows = BLOCK_ROWS.min(facts.rows - first);
-            let n = rows * facts.columns;
-            let mut content = vec![0u8; n * RECORD_BYTES];
-            for i in 0..n {
-                let r = record(first * facts.columns + i);
-                for (plane, word) in r.words().into_iter().enumerate() {
-                    for (k, byte) in word.to_le_bytes().into_iter().enumerate() {
-                        content[(plane * 4 + k) * n + i] = byte;
-                    }
-                }
-                content[36 * n + i] = r.kind;
-            }
-            let packed = zstd::bulk::compress(&content, LEVEL)?;
+            let pixels = first * facts.columns..(first + rows) * facts.columns;
+            let records: Vec<u8> = pixels.flat_map(|i| record(i).to_bytes()).collect();
+            let packed = packer.pack::<RECORD_BYTES>(&records)?;
             let too_long = |_| io::Error::other("a block of hits does not fit into 4 GiB");
             let mut frame = Vec::with_capacity(FRAME);
             for number in [first, rows, packed.len()] {
                 frame.extend(u32::try_from(number).map_err(too_long)?.to_le_bytes());
             }
-            frame.extend(crc32c_append(crc32c(&frame), &packed).to_le_bytes());
+            frame.extend(crc32c_append(crc32c(&frame), packed).to_le_bytes());
             out.write_all(&frame)?;
-            out.write_all(&packed)?;
+            out.write_all(packed)?;
         }
         Ok(())
     })
@@ -189,6 +188,7 @@ pub fn read(
     left = left.saturating_sub(byte);
     check(&facts)?;
     begin(&facts);
+    let (mut unpacker, mut records) = (Unpacker::new()?, Vec::new());
     let mut row = 0;
     while row < facts.rows {
         let fault = |what: String| Error::Damaged { byte, row, what };
@@ -225,17 +225,10 @@ pub fn read(
         if crc32c_append(crc32c(&frame[..12]), &packed) != number(12) {
             return Err(fault("the block's checksum doesn't hold".to_owned()));
         }
-        let content = zstd::bulk::decompress(&packed, n * RECORD_BYTES)
+        unpacker
+            .unpack::<RECORD_BYTES>(&packed, n, &mut records)
             .map_err(|e| fault(format!("the block can't be unpacked: {e}")))?;
-        if content.len() != n * RECORD_BYTES {
-            let expected = n * RECORD_BYTES;
-            return Err(fault(format!("expected {expected} bytes, found {}", content.len())));
-        }
-        for i in 0..n {
-            let words = std::array::from_fn(|plane| {
-                u32::from_le_bytes(std::array::from_fn(|k| content[(plane * 4 + k) * n + i]))
-            });
-            let record = Record::from_words(words, content[36 * n + i]);
+        for (i, record) in records.iter().map(Record::from_bytes).enumerate() {
             if !record.is_sound() {
                 let (r, c) = (row + i / facts.columns, i % facts.columns);
                 return Err(fault(format!(
@@ -333,7 +326,7 @@ mod tests {
             ("block rows", format!("rows per block, {BLOCK_ROWS};")),
             ("version", format!("name `{NAME}`, version {VERSION}")),
             ("kinds", format!("`{}`", KINDS.join(" "))),
-            ("level", format!("zstd level {LEVEL}")),
+            ("level", format!("zstd level {}", crate::records::LEVEL)),
         ] {
             assert!(page.contains(&row), "the page doesn't say the {name} as `{row}`");
         }

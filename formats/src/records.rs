@@ -5,7 +5,7 @@
 use std::io;
 
 /// Fast: noise of a mantissa is found out at once, the rest shrinks well at any level.
-const LEVEL: i32 = 1;
+pub(crate) const LEVEL: i32 = 1;
 
 /// Packs blocks.
 pub struct Packer {

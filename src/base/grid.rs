@@ -99,18 +99,56 @@ impl TileRect {
     }
 }
 
-/// The tiles of at most `edge` x `edge` pixels that cover a view, row by row.
-pub fn tiles(columns: usize, rows: usize, edge: usize) -> Vec<TileRect> {
-    let mut out = Vec::new();
-    for row in (0..rows).step_by(edge) {
-        for column in (0..columns).step_by(edge) {
-            out.push(TileRect {
-                column,
-                row,
-                columns: edge.min(columns - column),
-                rows: edge.min(rows - row),
-            });
+/// A view cut into square tiles, numbered row by row; those at the right and lower border may be
+/// smaller.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Tiles {
+    /// Width of the view, pixels.
+    pub columns: usize,
+    /// Height of the view, pixels.
+    pub rows: usize,
+    /// Edge of a tile, pixels.
+    pub edge: usize,
+}
+
+impl Tiles {
+    /// Tiles in a row.
+    pub fn across(&self) -> usize {
+        self.columns.div_ceil(self.edge)
+    }
+
+    /// Rows of tiles.
+    pub fn down(&self) -> usize {
+        self.rows.div_ceil(self.edge)
+    }
+
+    /// Number of tiles.
+    pub fn count(&self) -> usize {
+        self.across() * self.down()
+    }
+
+    /// The pixels of tile `number`.
+    pub fn rect(&self, number: usize) -> TileRect {
+        let (row, column) =
+            (number / self.across() * self.edge, number % self.across() * self.edge);
+        TileRect {
+            column,
+            row,
+            columns: self.edge.min(self.columns - column),
+            rows: self.edge.min(self.rows - row),
         }
     }
-    out
+
+    /// The number of a tile; `None` where it isn't one of these.
+    pub fn number(&self, tile: TileRect) -> Option<usize> {
+        let inside = tile.column < self.columns && tile.row < self.rows;
+        let number = tile.row / self.edge * self.across() + tile.column / self.edge;
+        (inside && self.rect(number) == tile).then_some(number)
+    }
+}
+
+/// The tiles of at most `edge` x `edge` pixels that cover a view, row by row.
+pub fn tiles(columns: usize, rows: usize, edge: usize) -> Vec<TileRect> {
+    let tiles = Tiles { columns, rows, edge };
+    (0..tiles.count()).map(|number| tiles.rect(number)).collect()
 }

@@ -4,8 +4,8 @@ use serde::{Deserialize, Serialize};
 /// more flatly says nothing reliable about a plane that faces it.
 pub const MIN_COS: f32 = 0.05;
 
-/// Which irradiance a number is: the same beam puts less on a surface that it grazes than on a plane
-/// that faces it.
+/// Which irradiance a number is: the same beam puts less on a surface that it grazes than on a
+/// plane that faces it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Default, Serialize, Deserialize)]
 pub enum Irradiance {
     /// `E`: on the surface.

@@ -1,4 +1,6 @@
-use super::{Interrupted, Photon, TileRect};
+use std::ops::Range;
+
+use super::{Interrupted, Photon, TileRect, Tiles};
 
 /// Why a sink could not take what it was given.
 #[derive(Debug, thiserror::Error)]
@@ -30,6 +32,42 @@ pub struct SeriesEntry {
     pub pixel: u16,
     /// Irradiance, W/m2; never 0 (what is absent is exactly 0).
     pub irradiance_w_m2: f32,
+}
+
+impl SinkError {
+    /// What a sink was given that can't be: a mistake of who delivers.
+    pub fn wrong(what: String) -> Self {
+        Self::Io(std::io::Error::new(std::io::ErrorKind::InvalidInput, what))
+    }
+}
+
+/// Holds what a [`TileSink`] is given against what it may be: one of `tiles`, whose number is
+/// returned, and entries of `timesteps` and of the tile's pixels, in order.
+///
+/// # Errors
+/// What isn't so.
+pub fn checked_tile(
+    tiles: &Tiles,
+    timesteps: &Range<usize>,
+    tile: TileRect,
+    entries: &[SeriesEntry],
+) -> Result<usize, SinkError> {
+    let Some(number) = tiles.number(tile) else {
+        return Err(SinkError::wrong(format!("{tile:?} is no tile of {tiles:?}")));
+    };
+    let outside = |e: &&SeriesEntry| {
+        !timesteps.contains(&(e.timestep as usize)) || usize::from(e.pixel) >= tile.pixels()
+    };
+    if let Some(entry) = entries.iter().find(outside) {
+        let what = format!("{entry:?} lies outside {tile:?} of timesteps {timesteps:?}");
+        return Err(SinkError::wrong(what));
+    }
+    let key = |e: &SeriesEntry| (e.timestep, e.pixel);
+    if let Some(pair) = entries.windows(2).find(|pair| key(&pair[0]) >= key(&pair[1])) {
+        let what = format!("entries out of order: {:?}, then {:?}", pair[0], pair[1]);
+        return Err(SinkError::wrong(what));
+    }
+    Ok(number)
 }
 
 /// Takes the time series of one tile at a time. `render` delivers, `volume` keeps them.

@@ -13,8 +13,9 @@ pub struct VirtualSensor {
     pub radius_m: f64,
 }
 
-/// Where the photons that cross virtual sensors are kept. Virtual sensors may overlap, and a photon belongs to each that
-/// it crosses: so their discs lie side by side on a plane of their own, row by row.
+/// Where the photons that cross virtual sensors are kept. Virtual sensors may overlap, and a photon
+/// belongs to each that it crosses: so their discs lie side by side on a plane of their own, row by
+/// row.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SensorSheet {
     columns: usize,
@@ -33,7 +34,8 @@ impl SensorSheet {
         [sensor % self.columns, sensor / self.columns].map(|i| (i as f64 + 0.5) * self.pitch_m)
     }
 
-    /// Where a crossing is kept: `u` and `v` are metres from the virtual sensor's middle in its plane.
+    /// Where a crossing is kept: `u` and `v` are metres from the virtual sensor's middle in its
+    /// plane.
     pub fn place(&self, sensor: usize, [u, v]: [f64; 2]) -> Vec3 {
         let [x, y] = self.middle(sensor);
         Vec3::new((x + u) as f32, (y + v) as f32, 0.0)

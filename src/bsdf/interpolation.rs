@@ -28,8 +28,8 @@ struct Sheet {
 
 /// Goniophotometer data as a function: in outgoing directions Shepard's interpolation of the
 /// logarithm over the 8 nearest points (Franke and Nielson 1980); between incident angles along
-/// constant half vectors, so that the lobe moves instead of fading from one place to another. Beyond
-/// the measured angles the last ones count.
+/// constant half vectors, so that the lobe moves instead of fading from one place to another.
+/// Beyond the measured angles the last ones count.
 pub struct Interpolation {
     isotropic: bool,
     sheets: Vec<Sheet>,

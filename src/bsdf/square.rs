@@ -1,7 +1,8 @@
 /// A part of the scattering that is drawn from the unit square: two numbers make a direction.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Chart {
-    /// All of it, by [`Bsdf::sample_within`](super::Bsdf::sample_within); nothing is known of where a part of the square goes.
+    /// All of it, by [`Bsdf::sample_within`](super::Bsdf::sample_within); nothing is known of where
+    /// a part of the square goes.
     Whole,
     /// A single direction for each incident one.
     Mirrored,

@@ -1,6 +1,8 @@
 use std::io::Write;
 
 use crate::base::{FaultKind, Interrupted};
+use crate::project::Mistakes;
+use crate::{project, receivers, run};
 
 /// What an error means for the process: the first cause that a room classified decides.
 pub fn exit_code(error: &anyhow::Error) -> FaultKind {
@@ -44,11 +46,11 @@ fn classify(cause: &(dyn std::error::Error + 'static)) -> Option<FaultKind> {
         crate::picture::Error,
         crate::render::Error,
         crate::render::GatherError,
-        crate::project::Error,
-        crate::receivers::Error,
+        project::Error,
+        receivers::Error,
         crate::report::Error,
         crate::rules::Error,
-        crate::run::Error,
+        run::Error,
         crate::site::Error,
         crate::bsdf::Error,
         crate::sky::Error,
@@ -58,8 +60,28 @@ fn classify(cause: &(dyn std::error::Error + 'static)) -> Option<FaultKind> {
     None
 }
 
+/// The mistakes of a project file, whichever room came upon them.
+fn mistakes<'e>(cause: &'e (dyn std::error::Error + 'static)) -> Option<&'e Mistakes> {
+    let of = |e: &'e project::Error| match e {
+        project::Error::Project(mistakes) => Some(mistakes),
+        _ => None,
+    };
+    let met = |e: &'e receivers::Error| match e {
+        receivers::Error::Project(e) => of(e),
+        _ => None,
+    };
+    cause.downcast_ref().and_then(of).or_else(|| cause.downcast_ref().and_then(met)).or_else(|| {
+        match cause.downcast_ref()? {
+            run::Error::Project(e) => of(e),
+            run::Error::Receivers(e) => met(e),
+            _ => None,
+        }
+    })
+}
+
 /// Prints an error on standard error: where, what was expected, what was found, and why. With
-/// `json` as one line `{"error", "because", "kind", "exit_code"}`.
+/// `json` as one line `{"error", "because", "kind", "exit_code"}`, and of mistakes in a project file
+/// also `"file"` and `"mistakes"`, a list of `{"line", "column", "message"}`.
 pub fn tell(error: &anyhow::Error, json: bool) {
     // Errors that say their source's words already: nobody needs to read them twice.
     let mut causes: Vec<String> = Vec::new();
@@ -71,13 +93,17 @@ pub fn tell(error: &anyhow::Error, json: bool) {
     let (first, because) = causes.split_first().map_or(("", &[][..]), |(f, b)| (f.as_str(), b));
     let mut text = if json {
         let kind = exit_code(error);
-        serde_json::json!({
+        let mut line = serde_json::json!({
             "error": first,
             "because": because,
             "kind": kind,
             "exit_code": kind.exit_code(),
-        })
-        .to_string()
+        });
+        if let Some(Mistakes { path, list }) = error.chain().find_map(mistakes) {
+            line["file"] = path.display().to_string().into();
+            line["mistakes"] = serde_json::json!(list);
+        }
+        line.to_string()
     } else {
         format!("glintmap: {first}")
     };

@@ -4,7 +4,7 @@ use std::path::PathBuf;
 use serde_json::json;
 
 use super::Context;
-use crate::sky::{self, DayRange, HourRange, Irradiance, Place, SunModel, TimeSpec, Weather};
+use crate::sky::{self, DayRange, HourRange, Place, SunModel, SunStrength, TimeSpec, Weather};
 
 /// The timesteps of a run and their suns, as CSV
 #[derive(Debug, clap::Args)]
@@ -96,9 +96,9 @@ impl Arguments {
         };
         let irradiance = match &self.irradiance {
             None => sun.default_irradiance(),
-            Some(Strength::Gensky) => Irradiance::Gensky,
-            Some(Strength::ClearSky) => Irradiance::ClearSky,
-            Some(Strength::Epw(path)) => Irradiance::Epw(Weather::read(path)?),
+            Some(Strength::Gensky) => SunStrength::Gensky,
+            Some(Strength::ClearSky) => SunStrength::ClearSky,
+            Some(Strength::Epw(path)) => SunStrength::Epw(Weather::read(path)?),
         };
         let spec = TimeSpec {
             year: self.year,

@@ -281,7 +281,8 @@ mod tests {
             let mut found = vec![-1.0; 10];
             for start in (0..10).step_by(step) {
                 let range = start..(start + step).min(10);
-                grid.read(range.clone(), 0..1, &mut found[range]).unwrap();
+                let mut lit = vec![true; range.len()];
+                grid.read_lit(range.clone(), 0..1, &mut found[range], &mut lit).unwrap();
             }
             assert_eq!(found, expected, "{step} at a time");
         }

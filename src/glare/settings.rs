@@ -4,7 +4,8 @@ use super::error::Error;
 use super::filter::kernel::{Gaussian, Kernel};
 
 /// Which voxels are neighbours.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Default, serde::Serialize, serde::Deserialize)]
+#[serde(try_from = "u32", into = "u32")]
 pub enum Connectivity {
     /// Those that share a face.
     #[default]
@@ -13,6 +14,21 @@ pub enum Connectivity {
     Edges,
     /// Those that share a face, an edge or a corner.
     Corners,
+}
+
+impl TryFrom<u32> for Connectivity {
+    type Error = String;
+
+    fn try_from(neighbours: u32) -> Result<Self, String> {
+        let known = Self::from_neighbours(neighbours);
+        known.ok_or_else(|| format!("expected 6, 18 or 26, found {neighbours}"))
+    }
+}
+
+impl From<Connectivity> for u32 {
+    fn from(connectivity: Connectivity) -> Self {
+        connectivity.neighbours()
+    }
 }
 
 impl Connectivity {

@@ -1,7 +1,7 @@
 use std::ops::Range;
 
 use super::error::{Error, ReadFailure};
-use crate::base::limits::{MAX_TIMESTEPS, MAX_VIEW_PIXELS, TILE_EDGE};
+use crate::base::limits::{MAX_TIMESTEPS, MAX_VIEW_PIXELS};
 use crate::volume::Volume;
 
 /// What a volume knows of its timesteps' place in the year.
@@ -20,10 +20,10 @@ pub trait Slices: Sync {
     fn shape(&self) -> [usize; 3];
 
     /// Fills `out`, `[timestep, row, column]`, with the picked `rows` of the slices of `range`.
-    /// Rows begin at a multiple of [`TILE_EDGE`] and end at one, or at the bottom.
+    /// Rows begin at a multiple of 32 and end at one, or at the bottom.
     ///
     /// The room may have been used before. `lit` has an entry for each slice and each tile of
-    /// [`TILE_EDGE`] x [`TILE_EDGE`] pixels of those rows, `[slice, tile row, tile column]`: on
+    /// 32 x 32 pixels of those rows, `[slice, tile row, tile column]`: on
     /// entry `false` says that `out` is all +0 there, on return that the volume is. A volume that
     /// can't tell says `true` everywhere.
     ///
@@ -36,22 +36,6 @@ pub trait Slices: Sync {
         out: &mut [f32],
         lit: &mut [bool],
     ) -> Result<(), ReadFailure>;
-
-    /// [`Self::read_lit`] for those who fill the room for the first time.
-    ///
-    /// # Errors
-    /// Whatever keeps the volume from being read.
-    fn read(
-        &self,
-        range: Range<usize>,
-        rows: Range<usize>,
-        out: &mut [f32],
-    ) -> Result<(), ReadFailure> {
-        let [_, _, columns] = self.shape();
-        let tiles = rows.len().div_ceil(TILE_EDGE) * columns.div_ceil(TILE_EDGE);
-        let mut lit = vec![true; range.len() * tiles];
-        self.read_lit(range, rows, out, &mut lit)
-    }
 
     /// How many timesteps are best read at once, beginning at a multiple of that number.
     fn chunk_timesteps(&self) -> usize {

@@ -1,13 +1,12 @@
 //! A batch of a year, from a renderer's tiles to the slices of the analysis, in memory.
 
-use std::io;
 use std::ops::Range;
 use std::sync::OnceLock;
 
 use super::error::ReadFailure;
 use super::slices::Slices;
 use crate::base::limits::{MAX_TIMESTEPS, TILE_EDGE};
-use crate::base::{FaultKind, SeriesEntry, SinkError, TileRect, TileSink};
+use crate::base::{FaultKind, SeriesEntry, SinkError, TileRect, TileSink, Tiles, checked_tile};
 
 /// Pixels of a tile.
 const TILE: usize = TILE_EDGE * TILE_EDGE;
@@ -26,8 +25,9 @@ const _: () = assert!(TILE.is_power_of_two() && MAX_BATCH < MAX_TIMESTEPS);
 pub struct TileBatch {
     shape: [usize; 3],
     range: Range<usize>,
+    tiles: Tiles,
     /// For each tile what was put, in the order of timesteps and pixels.
-    tiles: Vec<OnceLock<Vec<Entry>>>,
+    entries: Vec<OnceLock<Vec<Entry>>>,
 }
 
 #[derive(Clone, Copy, Debug)]
@@ -41,41 +41,20 @@ impl TileBatch {
     /// Room for the timesteps of `range` of a year of `shape`, `[timestep, row, column]`.
     pub fn new(shape: [usize; 3], range: Range<usize>) -> Self {
         let [_, rows, columns] = shape;
-        let tiles = rows.div_ceil(TILE_EDGE) * columns.div_ceil(TILE_EDGE);
-        Self { shape, range, tiles: (0..tiles).map(|_| OnceLock::new()).collect() }
+        let tiles = Tiles { columns, rows, edge: TILE_EDGE };
+        let entries = (0..tiles.count()).map(|_| OnceLock::new()).collect();
+        Self { shape, range, tiles, entries }
     }
 
     /// Bytes that the entries take.
     pub fn bytes(&self) -> usize {
-        let lengths = self.tiles.iter().filter_map(OnceLock::get).map(Vec::capacity);
+        let lengths = self.entries.iter().filter_map(OnceLock::get).map(Vec::capacity);
         lengths.sum::<usize>() * size_of::<Entry>()
-    }
-
-    fn across(&self) -> usize {
-        self.shape[2].div_ceil(TILE_EDGE)
-    }
-
-    fn rect(&self, number: usize) -> TileRect {
-        let [_, rows, columns] = self.shape;
-        let (row, column) =
-            (number / self.across() * TILE_EDGE, number % self.across() * TILE_EDGE);
-        TileRect {
-            column,
-            row,
-            columns: TILE_EDGE.min(columns - column),
-            rows: TILE_EDGE.min(rows - row),
-        }
-    }
-
-    fn number(&self, tile: TileRect) -> Option<usize> {
-        let inside = tile.row < self.shape[1] && tile.column < self.shape[2];
-        let number = tile.row / TILE_EDGE * self.across() + tile.column / TILE_EDGE;
-        (inside && self.rect(number) == tile).then_some(number)
     }
 
     /// The entries of a tile at one timestep of the batch.
     fn entries(&self, number: usize, timestep: usize) -> &[Entry] {
-        let all = self.tiles[number].get().map_or(&[][..], Vec::as_slice);
+        let all = self.entries[number].get().map_or(&[][..], Vec::as_slice);
         let start = all.partition_point(|e| (e.key as usize) < timestep * TILE);
         let end =
             start + all[start..].partition_point(|e| (e.key as usize) < (timestep + 1) * TILE);
@@ -83,38 +62,26 @@ impl TileBatch {
     }
 }
 
-fn wrong(what: String) -> SinkError {
-    SinkError::Io(io::Error::new(io::ErrorKind::InvalidInput, what))
-}
-
 impl TileSink for TileBatch {
     fn has(&self, tile: TileRect) -> bool {
-        self.number(tile).is_some_and(|number| self.tiles[number].get().is_some())
+        self.tiles.number(tile).is_some_and(|number| self.entries[number].get().is_some())
     }
 
     fn put(&self, tile: TileRect, entries: &[SeriesEntry]) -> Result<(), SinkError> {
-        let Range { start, end } = self.range;
-        if end - start > MAX_BATCH {
-            let found = end - start;
-            return Err(wrong(format!("expected at most {MAX_BATCH} timesteps, found {found}")));
+        let found = self.range.len();
+        if found > MAX_BATCH {
+            let what = format!("expected at most {MAX_BATCH} timesteps, found {found}");
+            return Err(SinkError::wrong(what));
         }
-        let Some(number) = self.number(tile) else {
-            return Err(wrong(format!("{tile:?} is no tile of a picture of {:?}", self.shape)));
-        };
-        let mut kept: Vec<Entry> = Vec::with_capacity(entries.len());
-        for entry in entries {
-            let (timestep, pixel) = (entry.timestep as usize, usize::from(entry.pixel));
-            if !(start..end).contains(&timestep) || pixel >= tile.pixels() {
-                return Err(wrong(format!("{entry:?} lies outside {tile:?} of {start}..{end}")));
-            }
+        let number = checked_tile(&self.tiles, &self.range, tile, entries)?;
+        let entry = |e: &SeriesEntry| {
+            let (timestep, pixel) = (e.timestep as usize, usize::from(e.pixel));
             let place = pixel / tile.columns * TILE_EDGE + pixel % tile.columns;
-            let key = ((timestep - start) * TILE + place) as u32;
-            if kept.last().is_some_and(|last| last.key >= key) {
-                return Err(wrong(format!("{entry:?} of {tile:?} is out of order")));
-            }
-            kept.push(Entry { key, irradiance_w_m2: entry.irradiance_w_m2 });
-        }
-        self.tiles[number].set(kept).map_err(|_| wrong(format!("{tile:?} was put twice")))
+            let key = ((timestep - self.range.start) * TILE + place) as u32;
+            Entry { key, irradiance_w_m2: e.irradiance_w_m2 }
+        };
+        let twice = |_| SinkError::wrong(format!("{tile:?} was put twice"));
+        self.entries[number].set(entries.iter().map(entry).collect()).map_err(twice)
     }
 }
 
@@ -135,12 +102,12 @@ impl Slices for TileBatch {
             let what = format!("timesteps {range:?} aren't in the batch of {:?}", self.range);
             return Err(ReadFailure { kind: FaultKind::Failed, source: what.into() });
         }
-        let first = rows.start / TILE_EDGE * self.across();
-        let tiles = rows.len().div_ceil(TILE_EDGE) * self.across();
+        let first = rows.start / TILE_EDGE * self.tiles.across();
+        let tiles = rows.len().div_ceil(TILE_EDGE) * self.tiles.across();
         let slices = out.chunks_exact_mut(rows.len() * columns).zip(lit.chunks_exact_mut(tiles));
         for (timestep, (out, lit)) in range.zip(slices) {
             for (number, lit) in (first..).zip(lit) {
-                let tile = self.rect(number);
+                let tile = self.tiles.rect(number);
                 let top = tile.row - rows.start;
                 if *lit {
                     for row in out.chunks_exact_mut(columns).skip(top).take(tile.rows) {

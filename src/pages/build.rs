@@ -1,5 +1,11 @@
-//! From buckets of photons to the store: sort each within memory, cut into leaves, compress on all
+//! From partitions of photons to the store: sort each within memory, cut into leaves, compress on all
 //! cores, write in order, once.
+//!
+//! The bytes depend on the photons alone. So leaves are cut by counting photons in cells, never by
+//! what fits into memory; photons are sorted by everything that tells them apart; sums are added page by
+//! page in their order. Memory decides only how many partitions are sorted at once, and whether one is
+//! partitioned again first. Every few seconds it is noted which photons are in pages, all of them up to
+//! a Morton code: a build that was killed goes on from there.
 
 use std::fs::{self, File, TryLockError};
 use std::io::{BufWriter, Seek, SeekFrom, Write};
@@ -12,23 +18,24 @@ use glintmap_formats::{gmp, header, seal};
 use rayon::prelude::*;
 
 use super::Error;
-use super::bucket::Bucket;
+use super::partition::Partition;
+use super::store_header::{About, Header, Layout, Sums};
+
+use super::build_checkpoint::{self, Checkpoints};
 use super::cube::Cube;
-use super::facts::{About, Facts, Layout, Sums};
-use super::half_built::{self, Checkpoints};
 use super::packed::Packed;
 use super::page;
-use super::parting::{Parting, SPLIT_LEVELS, SPLIT_PREFIX};
-use super::sort::{Merged, Sorted};
-use super::spill::{SpillSummary, discard};
-use super::tree::{Leaf, cut, nodes};
-use crate::base::Progress;
+use super::partitioner::{Partitioner, SPLIT_LEVELS, SPLIT_PREFIX};
+use super::sort::Sorted;
+use super::spill::{SpillSummary, buffer_bytes, discard};
+use super::tree::{Cell, Leaf, cut, nodes};
 use crate::base::morton::LEVELS;
+use crate::base::{ExternalSort, Progress};
 
 /// Memory that a photon takes while it is sorted, cut and compressed: 32 itself, 16 its key, the
 /// rest for its page in columns and in bytes, and what the allocator keeps of the batch before.
 const BYTES_PER_PHOTON: u64 = 96;
-/// Memory that doesn't depend on the batch: buffers of files, tables of buckets.
+/// Memory that doesn't depend on the batch: buffers of files, tables of partitions.
 const FIXED_BYTES: u64 = 6 << 20;
 /// Memory that each thread takes for the page at work: photons, columns, zstd.
 const THREAD_BYTES: u64 = 3 << 20;
@@ -70,7 +77,7 @@ pub fn build(
         page_photons: gmp::PAGE_PHOTONS_MAX,
         batch_photons: (memory_bytes.saturating_sub(fixed_bytes) / BYTES_PER_PHOTON)
             .clamp(4 * gmp::PAGE_PHOTONS_MAX as u64, 1 << 31),
-        buffer_bytes: (memory_bytes / 16).clamp(1 << 16, 128 << 20) as usize,
+        buffer_bytes: buffer_bytes(memory_bytes),
         checkpoint_every: CHECKPOINT_EVERY,
     };
     build_sized(spill_dir, store, about, size, progress)
@@ -83,7 +90,7 @@ pub(super) struct Size {
     pub page_photons: usize,
     /// Photons that are in memory at once.
     pub batch_photons: u64,
-    /// Bytes to buffer where a bucket is parted again.
+    /// Bytes to buffer where a partition is partitioned again.
     pub buffer_bytes: usize,
     /// Time between two notes of how far the build has come.
     pub checkpoint_every: Duration,
@@ -102,7 +109,7 @@ pub(super) fn build_sized(
     progress.begin("pages", spill.photons, "photons");
     let result = (|| {
         let mut builder = Builder::new(out, &growing, about, spill_dir, &spill, size, progress)?;
-        builder.cell(spill_dir, &spill.buckets, (0, 0))?;
+        builder.cell(spill_dir, &spill.partitions, Cell::ROOT)?;
         builder.finish(store)
     })();
     if result.as_ref().is_err_and(|e| !matches!(e, Error::Interrupted(_))) {
@@ -115,7 +122,7 @@ pub(super) fn build_sized(
 
 /// Opens the growing file, unless another process does the same.
 fn open_alone(growing: &Path) -> Result<File, Error> {
-    let file = half_built::open(growing)?;
+    let file = build_checkpoint::open(growing)?;
     if matches!(file.try_lock(), Err(TryLockError::WouldBlock)) {
         return Err(Error::Busy { path: growing.to_owned() });
     }
@@ -141,7 +148,7 @@ struct Builder<'a> {
 
 /// Sorted photons, and which of their leaves to write.
 struct Unit {
-    buckets: Range<usize>,
+    partitions: Range<usize>,
     leaf: Leaf,
 }
 
@@ -171,7 +178,7 @@ impl<'a> Builder<'a> {
     ) -> Result<Self, Error> {
         // The header's facts are known at the end, but it stands first: keep its place free.
         let mut draft = Vec::new();
-        let nothing = Facts::new(about, &Sums::NONE, layout(spill.cube, size, 0, 0, &[], &[]));
+        let nothing = Header::new(about, &Sums::NONE, layout(spill.cube, size, 0, 0, &[], &[]));
         let length = header::write(&mut draft, gmp::NAME, gmp::VERSION, &nothing)
             .map_err(Error::io(growing, "writing the header"))?;
         let reserved = (length + HEADER_SLACK).next_multiple_of(HEADER_SLACK);
@@ -216,10 +223,10 @@ impl<'a> Builder<'a> {
         })
     }
 
-    fn facts(&self, nodes: &[gmp::Node], directory: &[u8]) -> Facts {
+    fn header(&self, nodes: &[gmp::Node], directory: &[u8]) -> Header {
         let pages = self.pages.len() as u64;
         let layout = layout(self.cube, self.size, pages, self.offset, nodes, directory);
-        Facts::new(self.about, &self.sums, layout)
+        Header::new(self.about, &self.sums, layout)
     }
 
     /// Notes how far it has come, if that is some time ago: all photons up to a Morton code are in
@@ -232,14 +239,14 @@ impl<'a> Builder<'a> {
         self.checkpoints.write(self.out.get_mut(), done, &self.sums, &self.pages)
     }
 
-    /// Writes all photons of a cell, whose buckets lie in `dir`.
-    fn cell(&mut self, dir: &Path, buckets: &[Bucket], cell: (u32, u64)) -> Result<(), Error> {
+    /// Writes all photons of a cell, whose partitions lie in `dir`.
+    fn cell(&mut self, dir: &Path, partitions: &[Partition], cell: Cell) -> Result<(), Error> {
         let count = |first, last| {
-            let start = buckets.partition_point(|b| b.codes().0 < first);
-            let inside = buckets[start..].iter().take_while(|b| b.codes().1 <= last);
-            inside.map(|b| b.photons).sum()
+            let start = partitions.partition_point(|p| p.cell().first() < first);
+            let inside = partitions[start..].iter().take_while(|p| p.cell().last() <= last);
+            inside.map(|p| p.photons).sum()
         };
-        let deepest = cell.0 + SPLIT_LEVELS.min(LEVELS - cell.0);
+        let deepest = (cell.level + SPLIT_LEVELS).min(LEVELS);
         let mut leaves = Vec::new();
         cut(cell, deepest, self.size.page_photons as u64, &count, &mut leaves);
 
@@ -248,72 +255,82 @@ impl<'a> Builder<'a> {
         let mut next = 0;
         for leaf in leaves {
             let start = next;
-            while buckets.get(next).is_some_and(|b| b.codes().1 <= leaf.last) {
+            while partitions.get(next).is_some_and(|p| p.cell().last() <= leaf.last) {
                 next += 1;
             }
             if self.done.is_some_and(|done| leaf.last <= done) {
                 continue;
             }
             if batched + leaf.photons > self.size.batch_photons {
-                self.batch(dir, buckets, &std::mem::take(&mut batch))?;
+                self.batch(dir, partitions, &std::mem::take(&mut batch))?;
                 batched = 0;
             }
             let open = leaf.photons > self.size.page_photons as u64;
             if open && leaf.photons > self.size.batch_photons {
-                self.large(dir, &buckets[start])?;
+                self.large(dir, &partitions[start])?;
             } else {
                 batched += leaf.photons;
-                batch.push(Unit { buckets: start..next, leaf });
+                batch.push(Unit { partitions: start..next, leaf });
             }
         }
-        self.batch(dir, buckets, &batch)
+        self.batch(dir, partitions, &batch)
     }
 
-    /// Writes a bucket that doesn't fit into memory: parts it again, or, where it can't be cut any
-    /// further, merges sorted runs.
-    fn large(&mut self, dir: &Path, bucket: &Bucket) -> Result<(), Error> {
-        let split = dir.join(format!("{SPLIT_PREFIX}{:02}-{:x}", bucket.level, bucket.cell));
-        let about = self.about;
-        if bucket.level < LEVELS {
-            let cell = (bucket.level, bucket.cell);
-            let (cube, buffer) = (self.cube, self.size.buffer_bytes);
-            let mut parting = Parting::create(&split, cube, cell, bucket.photons, buffer)?;
-            bucket.read(dir, |photon| {
-                check(photon, about)?;
-                parting.push(photon)
-            })?;
-            let buckets = parting.finish()?;
-            self.cell(&split, &buckets, cell)?;
-            return discard(&split);
+    /// Writes a partition that doesn't fit into memory: partitions it again, or, where it can't be
+    /// cut any further, sorts it on disk.
+    fn large(&mut self, dir: &Path, partition: &Partition) -> Result<(), Error> {
+        let (cell, about) = (partition.cell(), self.about);
+        if cell.level == LEVELS {
+            return self.deepest(dir, partition);
         }
-        let limit = self.size.batch_photons as usize;
-        let mut merged = Merged::read(dir, bucket, &split, limit, |p| check(p, about))?;
-        let (first, last) = bucket.codes();
-        let pages = (limit / self.size.page_photons).clamp(1, 64);
+        let split = dir.join(format!("{SPLIT_PREFIX}{:02}-{:x}", cell.level, cell.code));
+        let (photons, buffer_bytes) = (partition.photons, self.size.buffer_bytes);
+        let mut again = Partitioner::create(&split, self.cube, cell, photons, buffer_bytes)?;
+        partition.read(dir, |photon| {
+            check(photon, about)?;
+            again.push(photon)
+        })?;
+        let partitions = again.finish()?;
+        self.cell(&split, &partitions, cell)?;
+        discard(&split)
+    }
+
+    /// Writes a partition of the deepest level that doesn't fit into memory.
+    fn deepest(&mut self, dir: &Path, partition: &Partition) -> Result<(), Error> {
+        let (about, limit) = (self.about, self.size.batch_photons);
+        let sorting = || Error::io(dir, format!("sorting {} photons on disk", partition.photons));
+        let mut sorted = ExternalSort::new(limit * size_of::<Packed>() as u64, dir.to_owned());
+        partition.read(dir, |photon| {
+            check(photon, about)?;
+            sorted.push(*photon).map_err(sorting())
+        })?;
+        sorted.sort();
+        let (first, last) = (partition.cell().first(), partition.cell().last());
+        let capacity = self.size.page_photons;
+        // As many pages at a time as memory holds, and all threads have some.
+        let together = (limit as usize / capacity).clamp(1, 64) * capacity;
+        let mut merged = sorted.iter().map_err(sorting())?;
         loop {
-            let mut some = Vec::new();
-            for _ in 0..pages {
-                some.push(merged.take(self.size.page_photons)?);
-            }
-            some.retain(|photons| !photons.is_empty());
+            let some = merged.by_ref().take(together).collect::<std::io::Result<Vec<Packed>>>();
+            let some = some.map_err(sorting())?;
             if some.is_empty() {
-                break;
+                return Ok(());
             }
-            let jobs = some.iter().map(|p| Job { photons: p.iter(), first, last }).collect();
-            self.encode(jobs)?;
+            let pages = some.chunks(capacity);
+            self.encode(pages.map(|page| Job { photons: page.iter(), first, last }).collect())?;
         }
-        drop(merged);
-        fs::remove_dir_all(&split).map_err(Error::io(&split, "removing sorted runs"))
     }
 
-    fn batch(&mut self, dir: &Path, buckets: &[Bucket], units: &[Unit]) -> Result<(), Error> {
+    fn batch(&mut self, dir: &Path, partitions: &[Partition], units: &[Unit]) -> Result<(), Error> {
         if units.is_empty() {
             return Ok(());
         }
         let (about, cube) = (self.about, &self.cube);
         let sorted: Vec<Sorted> = units
             .par_iter()
-            .map(|u| Sorted::read(dir, &buckets[u.buckets.clone()], cube, |p| check(p, about)))
+            .map(|u| {
+                Sorted::read(dir, &partitions[u.partitions.clone()], cube, |p| check(p, about))
+            })
             .collect::<Result<_, _>>()?;
         let capacity = self.size.page_photons;
         let written = self.done;
@@ -323,9 +340,9 @@ impl<'a> Builder<'a> {
             if unit.leaf.photons <= capacity as u64 {
                 leaves.push(unit.leaf);
             } else {
-                let bucket = &buckets[unit.buckets.start];
+                let partition = &partitions[unit.partitions.start];
                 let count = |first, last| sorted.count(first, last);
-                cut((bucket.level, bucket.cell), LEVELS, capacity as u64, &count, &mut leaves);
+                cut(partition.cell(), LEVELS, capacity as u64, &count, &mut leaves);
             }
             let mut start = 0;
             for leaf in leaves {
@@ -391,12 +408,12 @@ impl<'a> Builder<'a> {
         let nodes = nodes(&self.pages);
         let directory = gmp::encode_directory(&nodes, &self.pages)?;
         self.put(&directory, "the directory")?;
-        let facts = self.facts(&nodes, &directory);
+        let header = self.header(&nodes, &directory);
         let mut head = Vec::new();
         let reserved = self.reserved;
         let (growing, pages) = (self.growing, self.pages.len() as u64);
         let doing = || Error::io(growing, format!("writing the header, {reserved} bytes"));
-        let length = header::write_padded(&mut head, gmp::NAME, gmp::VERSION, &facts, reserved)
+        let length = header::write_padded(&mut head, gmp::NAME, gmp::VERSION, &header, reserved)
             .map_err(doing())?;
         if length != reserved {
             let what = format!("header of {length} bytes, {reserved} reserved");

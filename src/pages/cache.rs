@@ -1,6 +1,5 @@
 //! Pages that were read lately, weighed in bytes.
 
-use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use super::page::Page;
@@ -38,10 +37,6 @@ impl CacheStats {
 pub(super) struct Cache {
     shards: Vec<Mutex<Shard>>,
     shard_bytes: usize,
-    hits: AtomicU64,
-    misses: AtomicU64,
-    evictions: AtomicU64,
-    decompressed_bytes: AtomicU64,
 }
 
 impl Cache {
@@ -52,10 +47,6 @@ impl Cache {
         Self {
             shards: (0..shards).map(|_| shard()).collect(),
             shard_bytes: usize::try_from(bytes / shards).unwrap_or(usize::MAX),
-            hits: AtomicU64::new(0),
-            misses: AtomicU64::new(0),
-            evictions: AtomicU64::new(0),
-            decompressed_bytes: AtomicU64::new(0),
         }
     }
 
@@ -67,29 +58,18 @@ impl Cache {
     ) -> Result<Arc<Page>, E> {
         let shards = self.shards.len();
         let (shard, slot) = (number % shards, number / shards);
-        if let Some(page) = self.lock(shard).touch(slot) {
-            self.hits.fetch_add(1, Ordering::Relaxed);
+        if let Some(page) = self.lock(shard).hit(slot) {
             return Ok(page);
         }
         let page = Arc::new(read()?);
-        let bytes = page.bytes();
-        self.misses.fetch_add(1, Ordering::Relaxed);
-        self.decompressed_bytes.fetch_add(bytes as u64, Ordering::Relaxed);
-        // A page larger than the budget is used and dropped.
-        if bytes <= self.shard_bytes {
-            let evicted = self.lock(shard).insert(slot, &page, bytes, self.shard_bytes);
-            self.evictions.fetch_add(evicted, Ordering::Relaxed);
-        }
+        self.lock(shard).miss(slot, &page, self.shard_bytes);
         Ok(page)
     }
 
     pub fn stats(&self) -> CacheStats {
-        CacheStats {
-            hits: self.hits.load(Ordering::Relaxed),
-            misses: self.misses.load(Ordering::Relaxed),
-            evictions: self.evictions.load(Ordering::Relaxed),
-            decompressed_bytes: self.decompressed_bytes.load(Ordering::Relaxed),
-        }
+        let mut all = CacheStats::default();
+        (0..self.shards.len()).for_each(|shard| all.add(&self.lock(shard).stats));
+        all
     }
 
     fn lock(&self, shard: usize) -> MutexGuard<'_, Shard> {
@@ -106,6 +86,7 @@ struct Shard {
     newest: u32,
     oldest: u32,
     bytes: usize,
+    stats: CacheStats,
 }
 
 struct Entry {
@@ -125,6 +106,26 @@ impl Shard {
             newest: NONE,
             oldest: NONE,
             bytes: 0,
+            stats: CacheStats::default(),
+        }
+    }
+
+    /// A page that is there.
+    fn hit(&mut self, slot: usize) -> Option<Arc<Page>> {
+        let page = self.touch(slot)?;
+        self.stats.hits += 1;
+        Some(page)
+    }
+
+    /// A page that was read.
+    fn miss(&mut self, slot: usize, page: &Arc<Page>, budget: usize) {
+        let bytes = page.bytes();
+        self.stats.misses += 1;
+        self.stats.decompressed_bytes += bytes as u64;
+        // A page larger than the budget is used and dropped. Another thread may have read it in the
+        // meantime.
+        if bytes <= budget && self.touch(slot).is_none() {
+            self.insert(slot, page, bytes, budget);
         }
     }
 
@@ -140,13 +141,7 @@ impl Shard {
         self.entries[at as usize].page.clone()
     }
 
-    /// Returns how many pages had to go.
-    fn insert(&mut self, slot: usize, page: &Arc<Page>, bytes: usize, budget: usize) -> u64 {
-        // Another thread may have read it in the meantime.
-        if self.touch(slot).is_some() {
-            return 0;
-        }
-        let mut evicted = 0;
+    fn insert(&mut self, slot: usize, page: &Arc<Page>, bytes: usize, budget: usize) {
         while self.bytes + bytes > budget && self.oldest != NONE {
             let at = self.oldest;
             self.unlink(at);
@@ -155,7 +150,7 @@ impl Shard {
             self.bytes -= entry.bytes;
             self.entry_of[entry.slot] = NONE;
             self.free.push(at);
-            evicted += 1;
+            self.stats.evictions += 1;
         }
         let entry = Entry { slot, page: Some(Arc::clone(page)), bytes, newer: NONE, older: NONE };
         let at = match self.free.pop() {
@@ -171,7 +166,6 @@ impl Shard {
         self.entry_of[slot] = at;
         self.bytes += bytes;
         self.link(at);
-        evicted
     }
 
     fn unlink(&mut self, at: u32) {

@@ -1,11 +1,17 @@
 //! Candidates of a search: gathered block by block, selected without a branch that depends on them.
+//!
+//! A photon is a candidate or not as good as at random, so that a branch on it is mispredicted every
+//! other time and costs more than the arithmetic. So everything is written to the next free place and
+//! the place is taken or not: `kept += usize::from(condition)`. Distances that aren't negative are
+//! ordered as their bits are, so that they are selected as integers. The k-th distance lies most likely
+//! where it lay for the query before: only what is farther than that is sorted out.
 
 use std::ops::Range;
 use std::sync::Arc;
 
 use glam::Vec3;
 
-use super::page::{BLOCK, Page, meets};
+use super::page::{BLOCK, Page};
 use super::query::{Neighbour, Query, SAME_SIDE};
 
 /// Candidates of a search, page by page in the order in which they were met.
@@ -16,24 +22,32 @@ pub(super) struct Candidates {
     pub distance: Vec<u32>,
     /// Number in the page.
     pub place: Vec<u32>,
-    pub selected: Vec<u32>,
+    /// Distances among which the k-th is selected.
+    selected: Vec<u32>,
+    /// How many of `distance` and `place` are candidates; what lies behind is room.
     pub used: usize,
+}
+
+/// A page of the store.
+pub(super) struct PageOf {
+    pub number: u32,
+    /// Store index of its first photon.
+    pub first_photon: u64,
+    pub page: Arc<Page>,
 }
 
 /// The candidates of one page.
 pub(super) struct Run {
-    number: u32,
-    first_photon: u64,
-    pub page: Arc<Page>,
+    of: PageOf,
     start: usize,
 }
 
 impl Run {
     /// The photon at a place in the page.
     pub fn photon(&self, place: u32, distance2_m2: f32) -> Neighbour {
-        let light = self.page.light[place as usize];
+        let light = self.of.page.light[place as usize];
         Neighbour {
-            index: self.first_photon + u64::from(place),
+            index: self.of.first_photon + u64::from(place),
             distance2_m2,
             flux_w: light.flux_w,
             cos: light.cos,
@@ -84,21 +98,16 @@ impl Candidates {
         self.used = 0;
     }
 
-    /// Adds the photons of a page within `most` whose timestep is in `during`.
-    pub fn gather(
-        &mut self,
-        (query, during): (&Query, &Range<u32>),
-        page: &Arc<Page>,
-        (number, first): (u32, u64),
-        most: f32,
-    ) {
+    /// Adds the photons of a page within `most`, the square of a distance.
+    pub fn gather(&mut self, query: &Query, of: PageOf, most: f32) {
+        let page = &*of.page;
         let side = side(page, query.normal);
         if matches!(side, Side::None) {
             return;
         }
         let start = self.used;
-        for (block, (bounds, &steps)) in page.blocks.iter().zip(&page.steps).enumerate() {
-            if !meets(steps, during) || bounds.distance_squared(query.point) > most {
+        for (block, bounds) in page.blocks.iter().enumerate() {
+            if bounds.distance_squared(query.point) > most {
                 continue;
             }
             let base = block * BLOCK;
@@ -114,13 +123,9 @@ impl Candidates {
             if matches!(side, Side::Some(_) | Side::Each) {
                 self.retain(from, accept);
             }
-            if steps.0 < during.start || steps.1 >= during.end {
-                self.retain(from, |i| during.contains(&page.light[i as usize].timestep));
-            }
         }
         if self.used > start {
-            let page = Arc::clone(page);
-            self.runs.push(Run { number, first_photon: first, page, start });
+            self.runs.push(Run { of, start });
         }
     }
 
@@ -180,10 +185,9 @@ impl Candidates {
         let mut kept = 0;
         let mut runs = 0;
         for r in 0..self.runs.len() {
-            let end = self.runs.get(r + 1).map_or(self.used, |next| next.start);
-            let (start, first) = (self.runs[r].start, self.runs[r].first_photon);
+            let (within, first) = (self.within(r), self.runs[r].of.first_photon);
             let new_start = kept;
-            for at in start..end {
+            for at in within {
                 let (d, place) = (self.distance[at], self.place[at]);
                 self.distance[kept] = d;
                 self.place[kept] = place;
@@ -199,7 +203,10 @@ impl Candidates {
         // Pages of which nothing is left are let go.
         self.runs.truncate(runs);
         self.used = kept;
-        let index = if highest == u64::MAX { self.highest_at(farthest) } else { highest };
+        let index = match highest {
+            u64::MAX => self.at(farthest).max().unwrap_or(u64::MAX),
+            highest => highest,
+        };
         Bound { distance2: f32::from_bits(farthest), index }
     }
 
@@ -222,28 +229,23 @@ impl Candidates {
         index
     }
 
-    fn highest_at(&self, distance: u32) -> u64 {
-        self.at(distance).max().unwrap_or(u64::MAX)
-    }
-
     fn at(&self, distance: u32) -> impl Iterator<Item = u64> {
         self.runs.iter().enumerate().flat_map(move |(r, run)| {
-            let end = self.runs.get(r + 1).map_or(self.used, |next| next.start);
-            (run.start..end)
-                .filter(move |&at| self.distance[at] == distance)
-                .map(move |at| run.first_photon + u64::from(self.place[at]))
+            let here = self.within(r).filter(move |&at| self.distance[at] == distance);
+            here.map(move |at| run.of.first_photon + u64::from(self.place[at]))
         })
+    }
+
+    /// The candidates of a run.
+    fn within(&self, run: usize) -> Range<usize> {
+        self.runs[run].start..self.runs.get(run + 1).map_or(self.used, |next| next.start)
     }
 
     /// The runs in store order, each with its range of candidates, which are in order already.
     pub fn in_order(&self) -> Vec<(usize, Range<usize>)> {
-        let mut ranges: Vec<(usize, Range<usize>)> = (0..self.runs.len())
-            .map(|r| {
-                let end = self.runs.get(r + 1).map_or(self.used, |next| next.start);
-                (r, self.runs[r].start..end)
-            })
-            .collect();
-        ranges.sort_unstable_by_key(|(r, _)| self.runs[*r].number);
+        let mut ranges: Vec<(usize, Range<usize>)> =
+            (0..self.runs.len()).map(|r| (r, self.within(r))).collect();
+        ranges.sort_unstable_by_key(|(r, _)| self.runs[*r].of.number);
         ranges
     }
 }

@@ -33,7 +33,7 @@ pub enum Error {
     #[error(
         "{path}: the photons in it were never completed (no {summary}): trace them again",
         path = .path.display(),
-        summary = super::spill::SUMMARY
+        summary = super::partitioner::SUMMARY
     )]
     Unfinished {
         /// The spill's folder.

@@ -65,7 +65,7 @@ impl Store {
                 level.photons += u64::from(page.photons);
                 level.bytes += u64::from(page.length);
             }
-            let room = level.pages * u64::from(self.facts.layout.page_photons);
+            let room = level.pages * u64::from(self.header.layout.page_photons);
             level.fill = level.photons as f64 / room as f64;
         }
         levels
@@ -76,7 +76,7 @@ impl Store {
     pub fn fill_histogram(&self) -> [u64; 10] {
         let mut out = [0; 10];
         for page in &self.pages {
-            let tenth = 10 * u64::from(page.photons) / u64::from(self.facts.layout.page_photons);
+            let tenth = 10 * u64::from(page.photons) / u64::from(self.header.layout.page_photons);
             out[tenth.min(9) as usize] += 1;
         }
         out
@@ -102,7 +102,7 @@ impl Store {
     /// [`Error::Damaged`] where a page doesn't hold what it promises.
     pub fn per_timestep(&self) -> Result<Vec<Share>, Error> {
         // Reading a page checked the timestep, and the surface.
-        self.shares(self.facts.timesteps as usize, |photon| photon.timestep as usize)
+        self.shares(self.header.timesteps as usize, |photon| photon.timestep as usize)
     }
 
     /// Counts and flux of all PV surfaces, in the order of [`StoreInfo`](super::StoreInfo).
@@ -110,7 +110,7 @@ impl Store {
     /// # Errors
     /// [`Error::Damaged`] where a page doesn't hold what it promises.
     pub fn per_surface(&self) -> Result<Vec<Share>, Error> {
-        self.shares(self.facts.surfaces.len(), |photon| usize::from(photon.surface))
+        self.shares(self.header.surfaces.len(), |photon| usize::from(photon.surface))
     }
 
     fn shares(&self, count: usize, of: impl Fn(&Photon) -> usize) -> Result<Vec<Share>, Error> {
@@ -129,7 +129,7 @@ impl Store {
     /// # Errors
     /// [`Error::Damaged`] where a page doesn't hold what it promises, or what the file system says.
     pub fn write_ply(&self, path: &Path, count: u64) -> Result<u64, Error> {
-        let photons = self.facts.photons;
+        let photons = self.header.photons;
         let count = count.min(photons);
         let doing = || Error::io(path, format!("writing {count} photons as PLY"));
         let mut failed = None;

@@ -1,9 +1,11 @@
 //! A photon on its way to its page.
 
+use std::cmp::Ordering;
+
 use glam::Vec3;
 
 use super::quantise::octahedral;
-use crate::base::Photon;
+use crate::base::{Photon, Record};
 
 /// Bytes of a record in a spill: all fields in their order, little endian.
 pub(super) const RECORD_BYTES: usize = 30;
@@ -38,18 +40,6 @@ impl Packed {
         }
     }
 
-    pub fn write(&self, out: &mut Vec<u8>) {
-        for component in self.position.to_array() {
-            out.extend_from_slice(&component.to_le_bytes());
-        }
-        for code in [self.normal, self.direction].as_flattened() {
-            out.extend_from_slice(&code.to_le_bytes());
-        }
-        out.extend_from_slice(&self.flux_w.to_le_bytes());
-        out.extend_from_slice(&self.timestep.to_le_bytes());
-        out.extend_from_slice(&self.surface.to_le_bytes());
-    }
-
     pub fn read(record: &[u8; RECORD_BYTES]) -> Self {
         let word = |at: usize| [record[at], record[at + 1], record[at + 2], record[at + 3]];
         let half = |at: usize| [record[at], record[at + 1]];
@@ -63,5 +53,39 @@ impl Packed {
             timestep: u32::from_le_bytes(word(24)),
             surface: u16::from_le_bytes(half(28)),
         }
+    }
+}
+
+impl Record for Packed {
+    const BYTES: usize = RECORD_BYTES;
+
+    fn put(&self, out: &mut Vec<u8>) {
+        for component in self.position.to_array() {
+            out.extend_from_slice(&component.to_le_bytes());
+        }
+        for code in [self.normal, self.direction].as_flattened() {
+            out.extend_from_slice(&code.to_le_bytes());
+        }
+        out.extend_from_slice(&self.flux_w.to_le_bytes());
+        out.extend_from_slice(&self.timestep.to_le_bytes());
+        out.extend_from_slice(&self.surface.to_le_bytes());
+    }
+
+    fn get(bytes: &[u8]) -> Self {
+        let mut record = [0; RECORD_BYTES];
+        record.copy_from_slice(bytes);
+        Self::read(&record)
+    }
+
+    /// The order of photons in one cell. Position first: where millions lie in a cell that can't be
+    /// cut further, their pages are slabs that a search can tell apart.
+    fn order(&self, other: &Self) -> Ordering {
+        let (at, there) = (self.position.to_array(), other.position.to_array());
+        let axes = at.iter().zip(&there).map(|(a, b)| a.total_cmp(b));
+        axes.fold(Ordering::Equal, Ordering::then)
+            .then_with(|| self.timestep.cmp(&other.timestep))
+            .then_with(|| self.surface.cmp(&other.surface))
+            .then_with(|| self.flux_w.total_cmp(&other.flux_w))
+            .then_with(|| (self.normal, self.direction).cmp(&(other.normal, other.direction)))
     }
 }

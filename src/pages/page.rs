@@ -7,15 +7,16 @@ use std::sync::OnceLock;
 use glam::Vec3;
 use glintmap_formats::gmp::{Columns, Flux};
 
-use super::facts::Sums;
 use super::packed::Packed;
 use super::quantise::{flux, flux_code, unit};
+use super::store_header::Sums;
 use crate::base::morton::{deinterleave, interleave};
 use crate::base::{Aabb, Photon};
 
 /// Photons whose box is kept: the unit in which a search looks at a page.
 pub(super) const BLOCK: usize = 128;
 
+/// Steps of the integers that positions are rounded to along a page's longest edge: 16 bits.
 const STEPS: f32 = 65535.0;
 
 /// Quantises the photons of a page, given in their order in the octree.
@@ -156,8 +157,8 @@ pub(super) struct Page {
     direction: Vec<[i16; 2]>,
     /// Boxes around each [`BLOCK`] photons.
     pub blocks: Vec<Aabb>,
-    /// First and last timestep of each [`BLOCK`] photons.
-    pub steps: Vec<(u32, u32)>,
+    /// First and last timestep of its photons.
+    timesteps: (u32, u32),
     /// Numbers of the photons by timestep, from when somebody asks for few timesteps.
     by_timestep: OnceLock<Vec<u16>>,
 }
@@ -180,7 +181,6 @@ impl Page {
                 Aabb::around(block.map(|i| Vec3::new(x[i], y[i], z[i])))
             })
             .collect();
-        let steps = columns.timestep.chunks(BLOCK).map(first_and_last).collect();
         for axis in [&mut x, &mut y, &mut z] {
             axis.resize(filled, f32::NAN);
         }
@@ -206,7 +206,7 @@ impl Page {
             light,
             direction: columns.direction.clone(),
             blocks,
-            steps,
+            timesteps: first_and_last(&columns.timestep),
             by_timestep: OnceLock::new(),
         }
     }
@@ -227,7 +227,7 @@ impl Page {
 
     /// First and last timestep of its photons.
     pub fn timesteps(&self) -> (u32, u32) {
-        self.steps.iter().fold((u32::MAX, 0), |all, step| (all.0.min(step.0), all.1.max(step.1)))
+        self.timesteps
     }
 
     /// Tight box around its photons.
@@ -235,10 +235,20 @@ impl Page {
         self.blocks.iter().fold(Aabb::EMPTY, |all, block| all.union(*block))
     }
 
+    /// The photons of a block.
+    pub fn block(&self, number: usize) -> Range<usize> {
+        number * BLOCK..self.photons.min((number + 1) * BLOCK)
+    }
+
+    /// Where a photon lies, metres.
+    pub fn position(&self, i: usize) -> Vec3 {
+        Vec3::new(self.x[i], self.y[i], self.z[i])
+    }
+
     pub fn photon(&self, i: usize) -> Photon {
         let light = self.light[i];
         Photon {
-            position: Vec3::new(self.x[i], self.y[i], self.z[i]),
+            position: self.position(i),
             normal: self.normals[usize::from(self.normal[i])],
             direction: unit(self.direction[i]),
             flux_w: light.flux_w,
@@ -256,20 +266,9 @@ impl Page {
             + 6 * self.normal.capacity()
             + size_of::<Light>() * self.light.capacity()
             + size_of::<Aabb>() * self.blocks.capacity()
-            + size_of::<(u32, u32)>() * self.steps.capacity()
     }
 }
 
 fn first_and_last(timesteps: &[u32]) -> (u32, u32) {
     timesteps.iter().fold((u32::MAX, 0), |all, &step| (all.0.min(step), all.1.max(step)))
-}
-
-/// Whether a range of timesteps from `first` to `last`, both included, meets another.
-pub(super) fn meets((first, last): (u32, u32), during: &Range<u32>) -> bool {
-    first < during.end && last >= during.start
-}
-
-/// Whether a range of timesteps from `first` to `last`, both included, lies in another.
-pub(super) fn within((first, last): (u32, u32), during: &Range<u32>) -> bool {
-    first >= during.start && last < during.end
 }

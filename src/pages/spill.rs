@@ -1,4 +1,9 @@
-//! Photons on their way to the store: parted on disk as they come, with checkpoints to go on from.
+//! Photons on their way to the store: partitioned on disk as they come, with checkpoints to go on from.
+//!
+//! Photons come in the order of emission and are needed in the order of space, and there are more of them
+//! than memory holds. So each goes into the file of its octree cell, which the build then sorts one by
+//! one. Buffers take a fixed share of memory; what they hold is compressed as it is written. A checkpoint
+//! is the length and checksum of every file: going on from it means cutting the files back.
 
 use std::fs::{self, File, OpenOptions};
 use std::io::{self, Read};
@@ -7,17 +12,15 @@ use std::path::{Path, PathBuf};
 use glintmap_formats::seal;
 
 use super::Error;
-use super::bucket::Bucket;
 use super::cube::Cube;
 use super::packed::Packed;
-use super::parting::{Parting, SPLIT_LEVELS, remove_files};
+use super::partition::Partition;
+use super::partitioner::{CHECKPOINT, Partitioner, SPLIT_LEVELS, SUMMARY, remove_files};
+use super::tree::Cell;
 use crate::base::{Aabb, Photon, PhotonSink, Progress, SinkError};
 
-/// The file that says that a spill is complete.
-pub(super) const SUMMARY: &str = "spill.json";
-/// The file that says how far a spill that isn't complete can be trusted.
-pub(super) const CHECKPOINT: &str = "checkpoint.json";
 const VERSION: u32 = 3;
+/// Bytes of a summary that are read: 4,096 partitions take less than one.
 const SUMMARY_BYTES_MAX: u64 = 64 << 20;
 
 /// What a completed spill holds.
@@ -28,8 +31,9 @@ pub struct SpillSummary {
     /// Number of photons.
     pub photons: u64,
     pub(super) cube: Cube,
-    /// The buckets that hold any, in Morton order.
-    pub(super) buckets: Vec<Bucket>,
+    /// The partitions that hold any, in Morton order.
+    #[serde(rename = "buckets")]
+    pub(super) partitions: Vec<Partition>,
 }
 
 /// A spill at some moment, and what its owner said then.
@@ -46,7 +50,7 @@ struct Checkpoint {
 /// What a checkpoint or the summary vouches for is on the disk before either is written, so that a
 /// power failure takes no more than a killed process loses. Checksums notice it where a disk lied.
 pub struct Spill {
-    parting: Parting,
+    partitioner: Partitioner,
 }
 
 impl Spill {
@@ -69,7 +73,9 @@ impl Spill {
             return Err(Error::Bounds { min, max });
         }
         let buffer_bytes = buffer_bytes(memory_bytes);
-        Ok(Self { parting: Parting::create(dir, cube, (0, 0), expected, buffer_bytes)? })
+        Ok(Self {
+            partitioner: Partitioner::create(dir, cube, Cell::ROOT, expected, buffer_bytes)?,
+        })
     }
 
     /// Writes what came so far to the files, and seals how long they are together with `note`, the
@@ -78,19 +84,19 @@ impl Spill {
     /// # Errors
     /// What the file system says.
     pub fn checkpoint(&mut self, note: &str) -> Result<(), Error> {
-        self.parting.flush()?;
-        make_durable(&self.parting.dir)?;
-        let some = self.parting.buckets.iter().map(|(_, b)| *b).filter(|b| b.photons > 0);
+        self.partitioner.flush()?;
+        make_durable(&self.partitioner.dir)?;
+        let some = self.partitioner.partitions.iter().map(|(_, b)| *b).filter(|b| b.photons > 0);
         let checkpoint = Checkpoint {
             note: note.to_owned(),
             spill: SpillSummary {
                 version: VERSION,
-                photons: self.parting.photons,
-                cube: self.parting.cube,
-                buckets: some.collect(),
+                photons: self.partitioner.photons,
+                cube: self.partitioner.cube,
+                partitions: some.collect(),
             },
         };
-        write_json(&self.parting.dir.join(CHECKPOINT), &checkpoint)
+        write_json(&self.partitioner.dir.join(CHECKPOINT), &checkpoint)
     }
 
     /// Goes on with an interrupted spill in `dir` from its last checkpoint; what came later is
@@ -111,15 +117,15 @@ impl Spill {
         let mut text = Vec::new();
         let read = file.take(SUMMARY_BYTES_MAX).read_to_end(&mut text);
         let Ok(Checkpoint { note, spill }) = serde_json::from_slice(&text) else { return Ok(None) };
-        let long_enough = |bucket: &Bucket| {
-            let length = fs::metadata(bucket.path(dir)).map_or(0, |m| m.len());
-            bucket.bytes <= length
+        let long_enough = |partition: &Partition| {
+            let length = fs::metadata(partition.path(dir)).map_or(0, |m| m.len());
+            partition.bytes <= length
         };
         let usable = read.is_ok()
             && spill.is_sound()
             && spill.cube == Cube::around(bounds)
             && accept(&note)
-            && spill.buckets.iter().all(long_enough);
+            && spill.partitions.iter().all(long_enough);
         if !usable {
             return Ok(None);
         }
@@ -129,22 +135,23 @@ impl Spill {
             fs::remove_file(&summary).map_err(Error::io(&summary, doing))?;
         }
         let buffer_bytes = buffer_bytes(memory_bytes);
-        let mut parting = Parting::new(dir, spill.cube, (0, 0), expected, buffer_bytes)?;
-        parting.photons = spill.photons;
-        for bucket in &spill.buckets {
-            parting.buckets[bucket.cell as usize].1 = *bucket;
+        let mut partitioner =
+            Partitioner::new(dir, spill.cube, Cell::ROOT, expected, buffer_bytes)?;
+        partitioner.photons = spill.photons;
+        for partition in &spill.partitions {
+            partitioner.partitions[partition.cell as usize].1 = *partition;
         }
-        for (_, bucket) in &parting.buckets {
-            let path = bucket.path(dir);
+        for (_, partition) in &partitioner.partitions {
+            let path = partition.path(dir);
             let cut = match OpenOptions::new().write(true).open(&path) {
-                Ok(_) if bucket.photons == 0 => fs::remove_file(&path),
-                Ok(file) => file.set_len(bucket.bytes),
-                Err(e) if bucket.photons == 0 && e.kind() == io::ErrorKind::NotFound => Ok(()),
+                Ok(_) if partition.photons == 0 => fs::remove_file(&path),
+                Ok(file) => file.set_len(partition.bytes),
+                Err(e) if partition.photons == 0 && e.kind() == io::ErrorKind::NotFound => Ok(()),
                 Err(e) => Err(e),
             };
             cut.map_err(Error::io(&path, doing))?;
         }
-        Ok(Some((Self { parting }, note)))
+        Ok(Some((Self { partitioner }, note)))
     }
 
     /// Writes what is left and seals the summary: from now on the spill is complete.
@@ -153,10 +160,10 @@ impl Spill {
     /// What the file system says; the spill is then not complete.
     pub fn finish(self) -> Result<SpillSummary, Error> {
         let (dir, cube, photons) =
-            (self.parting.dir.clone(), self.parting.cube, self.parting.photons);
-        let buckets = self.parting.finish()?;
+            (self.partitioner.dir.clone(), self.partitioner.cube, self.partitioner.photons);
+        let partitions = self.partitioner.finish()?;
         make_durable(&dir)?;
-        let summary = SpillSummary { version: VERSION, photons, cube, buckets };
+        let summary = SpillSummary { version: VERSION, photons, cube, partitions };
         write_json(&dir.join(SUMMARY), &summary)?;
         Ok(summary)
     }
@@ -173,7 +180,7 @@ impl PhotonSink for Spill {
                 let what = format!("a photon that can't be: {photon:?}");
                 return Err(io::Error::new(io::ErrorKind::InvalidData, what).into());
             }
-            self.parting.push(&Packed::of(photon))?;
+            self.partitioner.push(&Packed::of(photon))?;
         }
         Ok(())
     }
@@ -216,11 +223,11 @@ impl SpillSummary {
 
     /// Whether its parts agree.
     fn is_sound(&self) -> bool {
-        let sum = self.buckets.iter().try_fold(0u64, |n, b| n.checked_add(b.photons));
+        let sum = self.partitions.iter().try_fold(0u64, |n, b| n.checked_add(b.photons));
         self.version == VERSION
             && sum == Some(self.photons)
-            && self.buckets.iter().all(|b| b.level == SPLIT_LEVELS && b.cell < 1 << 12)
-            && self.buckets.windows(2).all(|w| w[0].cell < w[1].cell)
+            && self.partitions.iter().all(|b| b.level == SPLIT_LEVELS && b.cell < 1 << 12)
+            && self.partitions.windows(2).all(|w| w[0].cell < w[1].cell)
             && self.cube.is_sound()
     }
 }
@@ -256,18 +263,18 @@ pub fn join(
         }
     }
     let buffer_bytes = buffer_bytes(memory_bytes);
-    let mut parting = Parting::create(into, first.cube, (0, 0), photons, buffer_bytes)?;
+    let mut partitioner = Partitioner::create(into, first.cube, Cell::ROOT, photons, buffer_bytes)?;
     progress.begin("joining shards", photons, "photons");
     let copied = parts.iter().zip(&summaries).try_for_each(|(dir, summary)| {
-        summary.buckets.iter().try_for_each(|bucket| {
+        summary.partitions.iter().try_for_each(|partition| {
             progress.check()?;
-            progress.advance(bucket.photons);
-            bucket.read(dir, |photon| parting.push(photon))
+            progress.advance(partition.photons);
+            partition.read(dir, |photon| partitioner.push(photon))
         })
     });
     progress.finish();
     copied?;
-    Spill { parting }.finish()
+    Spill { partitioner }.finish()
 }
 
 /// Waits until all files in `dir` are on the disk. One call for the file system: thousands of
@@ -294,8 +301,9 @@ fn write_json(path: &Path, value: &impl serde::Serialize) -> Result<(), Error> {
     seal::write_bytes(path, &text).map_err(Error::io(path, doing))
 }
 
-/// Half of the buffers' share: a growing Vec may hold twice what is in it.
-fn buffer_bytes(memory_bytes: u64) -> usize {
+/// What a partitioner may buffer, bytes. Half of the buffers' share of an eighth: a growing Vec may
+/// hold twice what is in it.
+pub(super) fn buffer_bytes(memory_bytes: u64) -> usize {
     (memory_bytes / 16).clamp(1 << 16, 128 << 20) as usize
 }
 

@@ -201,7 +201,7 @@ fn the_store_depends_on_the_photons_alone() {
                 assert!(built.bytes() == expected, "{shape:?} {size:?}");
                 let spill = std::fs::read_dir(built.spill()).expect("lists");
                 let folders = spill.filter(|e| e.as_ref().is_ok_and(|e| e.path().is_dir())).count();
-                assert_eq!(folders, 0, "a folder of a split bucket is left");
+                assert_eq!(folders, 0, "a folder of a split partition is left");
             }
         }
     }

@@ -8,6 +8,37 @@ use glintmap_formats::gmp::{Node, PageEntry};
 use crate::base::Aabb;
 use crate::base::morton::LEVELS;
 
+/// A cell of the octree.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Cell {
+    /// Depth; 0 is the cube.
+    pub level: u32,
+    /// Its Morton code, of `3 * level` bits.
+    pub code: u64,
+}
+
+impl Cell {
+    /// The cube.
+    pub const ROOT: Self = Self { level: 0, code: 0 };
+
+    /// First Morton code of the deepest level in it.
+    pub fn first(self) -> u64 {
+        self.code << (3 * (LEVELS - self.level))
+    }
+
+    /// Last Morton code of the deepest level in it.
+    pub fn last(self) -> u64 {
+        ((self.code + 1) << (3 * (LEVELS - self.level))) - 1
+    }
+
+    /// The cells that it consists of some levels further down, at most down to the deepest.
+    pub fn cut(self, levels: u32) -> impl Iterator<Item = Self> {
+        let down = levels.min(LEVELS - self.level);
+        let (level, first) = (self.level + down, self.code << (3 * down));
+        (first..first + (1 << (3 * down))).map(move |code| Self { level, code })
+    }
+}
+
 /// Photons of neighbouring cells that share a leaf.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Leaf {
@@ -19,46 +50,41 @@ pub(super) struct Leaf {
     pub photons: u64,
 }
 
-/// Cuts a cell into leaves of at most `capacity` photons, down to `deepest`; sparse siblings that
-/// lie side by side share one. Depends on nothing but the photons, so that any parting of the
-/// work gives the same leaves. `count` tells the photons in a range of codes, ends included.
+/// Cuts a cell into leaves of at most `capacity` photons, down to level `deepest`; sparse siblings
+/// that lie side by side share one. Depends on nothing but the photons, so that however the work is
+/// cut the leaves are the same. `count` tells the photons in a range of codes, ends included.
 pub(super) fn cut(
-    (level, cell): (u32, u64),
+    cell: Cell,
     deepest: u32,
     capacity: u64,
     count: &impl Fn(u64, u64) -> u64,
     leaves: &mut Vec<Leaf>,
 ) {
-    let codes = |level: u32, cell: u64| {
-        let shift = 3 * (LEVELS - level);
-        (cell << shift, ((cell + 1) << shift) - 1)
+    let leaf = |cell: Cell| {
+        let (first, last) = (cell.first(), cell.last());
+        Leaf { first, last, photons: count(first, last) }
     };
-    let (first, last) = codes(level, cell);
-    let photons = count(first, last);
-    if photons == 0 {
-        return;
-    }
-    if photons <= capacity || level == deepest {
-        leaves.push(Leaf { first, last, photons });
+    let whole = leaf(cell);
+    if whole.photons <= capacity || cell.level == deepest {
+        leaves.extend((whole.photons > 0).then_some(whole));
         return;
     }
     let mut open: Option<Leaf> = None;
-    for child in cell << 3..(cell << 3) + 8 {
-        let (first, last) = codes(level + 1, child);
-        let photons = count(first, last);
+    for child in cell.cut(1) {
+        let here = leaf(child);
         match &mut open {
-            _ if photons == 0 => {}
-            _ if photons > capacity => {
+            _ if here.photons == 0 => {}
+            _ if here.photons > capacity => {
                 leaves.extend(open.take());
-                cut((level + 1, child), deepest, capacity, count, leaves);
+                cut(child, deepest, capacity, count, leaves);
             }
-            Some(leaf) if leaf.photons + photons <= capacity => {
-                leaf.last = last;
-                leaf.photons += photons;
+            Some(leaf) if leaf.photons + here.photons <= capacity => {
+                leaf.last = here.last;
+                leaf.photons += here.photons;
             }
             _ => {
                 leaves.extend(open.take());
-                open = Some(Leaf { first, last, photons });
+                open = Some(here);
             }
         }
     }

@@ -57,7 +57,7 @@ struct Checked {
 fn check(store: &Store, number: usize, page: &Page) -> Checked {
     let entry = &store.pages[number];
     let mut findings = Vec::new();
-    let (low, high) = store.facts.layout.cube.cell_around(entry.first_cell, entry.last_cell);
+    let (low, high) = store.header.layout.cube.cell_around(entry.first_cell, entry.last_cell);
     // Quantising moves a photon by half a step, and rounding by a few units of the last place.
     let bounds = page.bounds();
     let reach = bounds.min.abs().max(bounds.max.abs()).max_element();

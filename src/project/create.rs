@@ -10,8 +10,10 @@ use serde::Serialize;
 
 use super::artifacts::SITE_PLAN;
 use super::error::Error;
+use super::places::Mistakes;
 use super::set;
 use crate::site::{Loaded, PvSpec, SceneFile, SceneSpec, Select, Site};
+use crate::sky::Place;
 
 /// How carefully the case study is computed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
@@ -72,7 +74,7 @@ pub fn demo(folder: &Path, quality: Quality) -> Result<Demo, Error> {
         .map(|text| text.parse().map_err(|e| Error::Unsupported(format!("built-in {text}: {e}"))))
         .collect::<Result<_, _>>()?;
     let file = folder.join("project.toml");
-    let project = set::apply(&file, CASE_STUDY_PROJECT, &assignments)?;
+    let (project, _) = set::apply(&file, CASE_STUDY_PROJECT, &assignments)?;
     let mut all: Vec<(&str, &str)> = CASE_STUDY.to_vec();
     all.push(("project.toml", &project));
     let foreign = || Error::InTheWay { path: folder.to_owned() };
@@ -116,23 +118,16 @@ pub struct SiteAt {
 
 impl SiteAt {
     fn check(&self, path: &Path) -> Result<(), Error> {
-        for (name, value, bound) in [
-            ("latitude", self.latitude, 90.0),
-            ("longitude", self.longitude, 180.0),
-            ("meridian", self.meridian, 180.0),
-        ] {
-            if value.is_nan() || value.abs() > bound {
-                return Err(Error::Project {
-                    path: path.to_owned(),
-                    line: 0,
-                    column: 0,
-                    message: format!(
-                        "{name}: expected degrees from -{bound} to {bound} (north and east are positive), found {value}"
-                    ),
-                });
-            }
+        let place = Place {
+            latitude_deg: self.latitude,
+            longitude_deg: self.longitude,
+            meridian_deg: self.meridian,
+            elevation_m: 0.0,
+        };
+        match place.mistakes().first() {
+            None => Ok(()),
+            Some(wrong) => Err(Mistakes::nowhere(path.to_owned(), wrong.to_string()).into()),
         }
-        Ok(())
     }
 }
 

@@ -1,24 +1,16 @@
 use std::io;
 use std::path::PathBuf;
 
+use super::places::Mistakes;
 use crate::base::{FaultKind, Interrupted};
 use crate::{bsdf, glare, render, rules, site, sky};
 
 /// Why a project can't be read, or its run folder can't be used.
 #[derive(Debug, thiserror::Error)]
 pub enum Error {
-    /// The project file has a mistake.
-    #[error("{}{}: {message}", path.display(), at(*line, *column))]
-    Project {
-        /// The project file.
-        path: PathBuf,
-        /// From 1; 0 where it is about no single line.
-        line: usize,
-        /// From 1.
-        column: usize,
-        /// What was expected, what was found, what to do.
-        message: String,
-    },
+    /// The project file has mistakes: all of them.
+    #[error("{0}")]
+    Project(Mistakes),
     /// There is no project.
     #[error("{}: there is no such project; expected a folder with a project.toml, or that file (`glintmap new` and `glintmap demo` make one)", path.display())]
     NoProject {
@@ -99,7 +91,7 @@ impl Error {
     /// What kind of failure it is.
     pub fn kind(&self) -> FaultKind {
         match self {
-            Self::Project { .. }
+            Self::Project(_)
             | Self::NoProject { .. }
             | Self::InTheWay { .. }
             | Self::Unsupported(_)
@@ -118,6 +110,8 @@ impl Error {
     }
 }
 
-fn at(line: usize, column: usize) -> String {
-    if line == 0 { String::new() } else { format!(":{line}:{column}") }
+impl From<Mistakes> for Error {
+    fn from(mistakes: Mistakes) -> Self {
+        Self::Project(mistakes)
+    }
 }

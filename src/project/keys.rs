@@ -181,10 +181,7 @@ impl<'a> Keys<'a> {
         let Resolved { place, times, weather, horizon, inputs, project, scene, .. } = resolved;
         let Project { pv, scene: table, .. } = project;
         let mut table = table.clone();
-        for entry in &mut table.files {
-            let (FileEntry::Path(path) | FileEntry::Table { path, .. }) = entry;
-            *path = path.file_name().unwrap_or_default().into();
-        }
+        table.files = table.files.iter().map(FileEntry::without_folder).collect();
         let scene = SceneSettings {
             scene: table,
             pv,

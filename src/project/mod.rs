@@ -10,6 +10,7 @@ mod error;
 mod folder;
 pub mod keys;
 mod manifest;
+mod places;
 mod read;
 mod reader;
 mod resolve;
@@ -19,12 +20,14 @@ mod shard;
 mod tables;
 mod view_tables;
 mod views;
+mod words;
 
 pub use artifacts::{GlareMap, Map, SeriesOf};
 pub use create::{Demo, NewScene, Quality, SiteAt, create, demo};
 pub use error::Error;
 pub use folder::Folder;
 pub use manifest::{Manifest, hash_path};
+pub use places::{Key, Mistake, Mistakes, Place};
 pub use resolve::{Camera, Candidate, DRAFT_BELOW_PHOTONS, MOMENTS, Made, PlannedMoment, Resolved};
 pub use results::Results;
 pub use set::Assignment;
@@ -34,3 +37,4 @@ pub use view_tables::{Ids, MomentTable, ObserverTable, RegionTable, ViewTable};
 pub use views::{
     Estimator, PhotonGather, Picture, PlannedView, Points, RECEIVERS, SeriesKept, Sight, Target,
 };
+pub use words::WordOr;

@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 use serde::Serialize;
 
 use super::error::Error;
+use super::places::{Key, Mistakes, Places};
 use super::read::read;
 use super::reader::Reader;
 use super::set::Assignment;
@@ -58,6 +59,9 @@ pub struct Candidate {
 /// A picture of luminances.
 #[derive(Clone, Debug, Serialize)]
 pub struct PlannedMoment {
+    /// Its `[[moment]]`, from 0.
+    #[serde(skip)]
+    pub table: usize,
     /// Names its files.
     pub name: String,
     /// Day of the year, 0 is 1 January.
@@ -91,8 +95,8 @@ pub use super::artifacts::MOMENTS;
 /// A project, checked, with all defaults filled in.
 #[derive(Clone, Debug)]
 pub struct Resolved {
-    /// `project.toml`.
-    pub file: PathBuf,
+    /// `project.toml`, and where in it everything stands.
+    pub places: Places,
     /// The folder it lies in.
     pub folder: PathBuf,
     /// As written, with defaults.
@@ -138,42 +142,48 @@ impl Resolved {
     /// Reads and checks a project; `memory_bytes` bounds the analysis.
     ///
     /// # Errors
-    /// Any mistake in the project file, with its key; missing input files.
+    /// All mistakes in the project file, with their places; missing input files.
     pub fn read(path: &Path, set: &[Assignment], memory_bytes: u64) -> Result<Self, Error> {
-        let (file, project) = read(path, set)?;
-        let folder = file.parent().map_or_else(PathBuf::new, Path::to_owned);
-        let r = Reader { file: &file, project: &project };
-        r.names()?;
-        let candidates = r.candidates()?;
-        let reference = r.reference(&candidates)?;
-        let inputs = r.inputs(&folder)?;
-        Ok(Self {
-            place: r.place()?,
-            times: r.times()?,
-            horizon: r.horizon()?,
-            scene: r.scene(&folder)?,
-            pv: r.pv()?,
-            views: r.views()?,
-            sensors: r.sensors()?,
-            rules: r.rules()?,
-            moments: r.moments()?,
-            trace: r.trace()?,
-            quantity: r.quantity()?,
-            glare: r.glare(memory_bytes)?,
-            weather: r.weather()?,
-            notes: r.unused_keys()?,
+        let read = read(path, set)?;
+        let r = Reader::new(&read);
+        r.names();
+        let candidates = r.candidates();
+        let reference = r.reference(&candidates);
+        let views = r.views();
+        let plan = Self {
+            place: r.place(),
+            times: r.times(),
+            horizon: r.horizon(),
+            scene: r.scene(),
+            pv: r.pv(),
+            sensors: r.sensors(),
+            rules: r.rules(),
+            moments: r.moments(&views),
+            trace: r.trace(),
+            quantity: read.project.glare.quantity,
+            glare: r.glare(memory_bytes),
+            weather: r.weather(),
+            notes: r.unused_keys(),
+            inputs: r.inputs(),
+            views,
             candidates,
             reference,
-            inputs,
-            folder: folder.clone(),
-            file: file.clone(),
-            project,
-        })
+            folder: read.places.file.parent().map_or_else(PathBuf::new, Path::to_owned),
+            places: read.places.clone(),
+            project: read.project.clone(),
+        };
+        r.finish()?;
+        Ok(plan)
     }
 
     /// A mistake in the project file that shows only once it is put to use.
-    pub fn mistake(&self, message: impl Into<String>) -> Error {
-        Error::Project { path: self.file.clone(), line: 0, column: 0, message: message.into() }
+    pub fn mistake(&self, key: &Key, what: impl AsRef<str>) -> Error {
+        self.places.wrong(key, what.as_ref())
+    }
+
+    /// A mistake in what was asked for beside the project file.
+    pub fn mistaken(&self, what: impl Into<String>) -> Error {
+        Mistakes::nowhere(self.places.file.clone(), what.into()).into()
     }
 
     /// The pictures, then the sets of points.
@@ -253,10 +263,13 @@ impl Resolved {
     /// # Errors
     /// See [`sky::timeline`].
     pub fn timeline(&self) -> Result<Timeline, Error> {
-        let timeline = sky::timeline(&self.place, &self.times)?;
+        let timeline = sky::timeline(&self.place, &self.times)
+            .map_err(|e| self.mistake(&Key::of("time"), e.to_string()))?;
         Ok(match &self.horizon {
             None => timeline,
-            Some(horizon) => horizon.cut(timeline)?,
+            Some(horizon) => horizon
+                .cut(timeline)
+                .map_err(|e| self.mistake(&Key::of("site.horizon"), e.to_string()))?,
         })
     }
 }

@@ -5,11 +5,15 @@ use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
 
-use crate::site::{PvArray, Select};
-
 use super::view_tables::{
     MomentTable, ObserverTable, ReceiversTable, RegionTable, SeasonTable, ViewTable,
 };
+use super::words::{SunStrength, SunStrengthTable, Unit, Up, WordOr};
+use crate::base::Irradiance;
+use crate::glare::{self, Connectivity};
+use crate::site::{PvArray, Select};
+use crate::sky::SunModel;
+use crate::trace::Receivers;
 
 /// `project.toml`, key by key. See the example projects under `fixtures/projects`.
 #[derive(Clone, Debug, Deserialize, Serialize)]
@@ -82,7 +86,7 @@ pub struct SiteTable {
 
 /// Where the far horizon comes from.
 #[derive(Clone, Debug, Deserialize, Serialize)]
-#[serde(untagged)]
+#[serde(untagged, expecting = "expected a file or [[azimuth, altitude], …]")]
 pub enum HorizonEntry {
     /// `"horizon.csv"`, beside the project file.
     File(PathBuf),
@@ -115,45 +119,58 @@ pub struct SceneTable {
 }
 
 /// A scene file: its path, or a table with its unit and up axis.
+pub type FileEntry = WordOr<PathBuf, FileTable>;
+
+/// `{ path = "terrain.obj", unit = "m", up = "z" }`
 #[derive(Clone, Debug, Deserialize, Serialize)]
-#[serde(untagged)]
-pub enum FileEntry {
-    /// `"church.rad"`
-    Path(PathBuf),
-    /// `{ path = "terrain.obj", unit = "m", up = "z" }`
-    Table {
-        /// The file.
-        path: PathBuf,
-        /// `"m"`, `"mm"`, …
-        unit: Option<String>,
-        /// `"z"` or `"y"`.
-        up: Option<String>,
-    },
+#[serde(deny_unknown_fields)]
+pub struct FileTable {
+    /// The file.
+    pub path: PathBuf,
+    /// Of its coordinates.
+    pub unit: Option<Unit>,
+    /// Which axis points up.
+    pub up: Option<Up>,
 }
 
 impl FileEntry {
     /// The file's path as written.
     pub fn path(&self) -> &Path {
-        match self {
-            Self::Path(path) | Self::Table { path, .. } => path,
-        }
+        let (Self::Word(path) | Self::Table(FileTable { path, .. })) = self;
+        path
+    }
+
+    /// The same file, called by its name wherever it lies.
+    pub fn without_folder(&self) -> Self {
+        let mut entry = self.clone();
+        let (Self::Word(path) | Self::Table(FileTable { path, .. })) = &mut entry;
+        *path = path.file_name().unwrap_or_default().into();
+        entry
     }
 }
 
 /// Where the local origin lies.
 #[derive(Clone, Debug, Deserialize, Serialize)]
-#[serde(untagged)]
+#[serde(untagged, expecting = "expected \"auto\" or [x, y, z]")]
 pub enum OriginEntry {
     /// `"auto"`
-    Word(String),
+    Word(Auto),
     /// Map coordinates, m.
     At([f64; 3]),
 }
 
 impl Default for OriginEntry {
     fn default() -> Self {
-        Self::Word("auto".into())
+        Self::Word(Auto::Auto)
     }
+}
+
+/// `"auto"`
+#[derive(Clone, Copy, Debug, Deserialize, Serialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Auto {
+    /// From the scene.
+    Auto,
 }
 
 /// `[[pv]]`
@@ -227,10 +244,10 @@ pub struct TimeTable {
     pub days: DaysTable,
     /// Hours of the day, local standard time.
     pub hours: HoursTable,
-    /// `"spa"`, `"gensky"`, `"gensky-2018"`.
-    pub sun: String,
-    /// `"clear-sky"`, `"gensky"`, `{ constant = 1000 }`, `{ model = "ineichen", linke = [...] }`.
-    pub irradiance: toml::Value,
+    /// Which formulas say where the sun stands.
+    pub sun: SunModel,
+    /// How strong it is.
+    pub irradiance: WordOr<SunStrength, SunStrengthTable>,
     /// Equation (1): half a year stands for the year.
     pub half_year: bool,
     /// Stretches of `hours` with finer steps.
@@ -244,8 +261,8 @@ impl Default for TimeTable {
             year: 2025,
             days: DaysTable { from: DayEntry::Number(0), to: DayEntry::Number(364), step: 7 },
             hours: HoursTable { from: 0.0, to: 23.75, step: 0.25 },
-            sun: "spa".into(),
-            irradiance: toml::Value::String("clear-sky".into()),
+            sun: SunModel::Spa,
+            irradiance: WordOr::Word(SunStrength::ClearSky),
             half_year: false,
             finer: Vec::new(),
         }
@@ -266,7 +283,7 @@ pub struct DaysTable {
 
 /// A day as a number from 0 or as a date `"06-11"`.
 #[derive(Clone, Debug, Deserialize, Serialize)]
-#[serde(untagged)]
+#[serde(untagged, expecting = "expected a day of the year (0 is 1 January) or a date \"MM-DD\"")]
 pub enum DayEntry {
     /// 0 is 1 January.
     Number(u32),
@@ -300,8 +317,8 @@ pub struct PhotonsTable {
     pub seed: u64,
     /// `false` lets the sun through everything on its way to the PV, for comparison.
     pub sun_visibility: bool,
-    /// `"all"` or `"diffuse"`.
-    pub receivers: String,
+    /// Which surfaces keep photons.
+    pub receivers: Receivers,
 }
 
 impl Default for PhotonsTable {
@@ -312,7 +329,7 @@ impl Default for PhotonsTable {
             bounces: 1,
             seed: 1,
             sun_visibility: true,
-            receivers: "all".into(),
+            receivers: Receivers::All,
         }
     }
 }
@@ -323,14 +340,14 @@ impl Default for PhotonsTable {
 pub struct GlareTable {
     /// W/m2.
     pub thresholds_w_m2: Vec<f64>,
-    /// `"surface"` (E) or `"normal"` (E_n, what an eye receives).
-    pub quantity: String,
+    /// On the surface (E) or facing the beam (E_n, what an eye receives).
+    pub quantity: Irradiance,
     /// Timesteps, rows, columns.
     pub sigma: [f64; 3],
     /// Of the Gaussian, in sigmas.
     pub truncate: f64,
-    /// 6, 18 or 26.
-    pub connectivity: u32,
+    /// 6, 18 or 26 neighbours.
+    pub connectivity: Connectivity,
     /// Profiles to judge by: ids of those that come with the program, or files that end in `.toml`,
     /// relative to the project's folder.
     pub rules: Vec<String>,
@@ -338,12 +355,13 @@ pub struct GlareTable {
 
 impl Default for GlareTable {
     fn default() -> Self {
+        let glare::Settings { sigma, truncate, connectivity, .. } = glare::Settings::default();
         Self {
             thresholds_w_m2: vec![10.0, 30.0],
-            quantity: "surface".into(),
-            sigma: [1.0; 3],
-            truncate: 4.0,
-            connectivity: 6,
+            quantity: Irradiance::Surface,
+            sigma,
+            truncate,
+            connectivity,
             rules: vec!["paper-2018".into()],
         }
     }

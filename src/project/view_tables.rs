@@ -4,9 +4,11 @@ use std::path::PathBuf;
 
 use serde::{Deserialize, Serialize};
 
-use crate::rules::Class;
-
 use super::tables::DayEntry;
+use super::words::{ReceiversBy, ViewBy};
+use crate::render::Kernel;
+use crate::rules::Class;
+use crate::site::Coordinates;
 
 /// `[[view]]`
 #[derive(Clone, Debug, Deserialize, Serialize)]
@@ -22,12 +24,12 @@ pub struct ViewTable {
     pub sensors: Option<PathBuf>,
     /// `"map"` where the sensors' points are map coordinates; local if left out.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub coordinates: Option<String>,
+    pub coordinates: Option<Coordinates>,
     /// `[columns, rows]`; sensors need none.
     pub size: Option<[usize; 2]>,
-    /// `"photons"`, `"radiance"` or `"direct"`.
-    #[serde(default = "photons")]
-    pub estimator: String,
+    /// How it is computed.
+    #[serde(default)]
+    pub estimator: ViewBy,
     /// Nearest photons of the annual map; 400 if left out.
     pub bandwidth: Option<usize>,
     /// Nearest photons of the time series; `max(4000, 3 * timesteps)` if left out.
@@ -35,7 +37,7 @@ pub struct ViewTable {
     /// Largest search radius, m; chosen from the store if left out.
     pub max_radius_m: Option<f32>,
     /// `"flat"` or `"epanechnikov"`: how the photons around a pixel are weighed; flat if left out.
-    pub kernel: Option<String>,
+    pub kernel: Option<Kernel>,
     /// Largest angle between the normals of pixel and photon, degrees; 60 if left out.
     pub normal_tolerance_deg: Option<f32>,
     /// How far a photon may lie off the pixel's plane, m; 0 for any distance; 0.25 if left out.
@@ -68,7 +70,7 @@ pub struct ObserverTable {
     pub direction: Option<[f64; 3]>,
     /// `"map"` where the point is in map coordinates; local if left out.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub coordinates: Option<String>,
+    pub coordinates: Option<Coordinates>,
     /// `dwelling`, `office`, `outdoor`, `road`, …; every limit applies if left out.
     pub class: Option<Class>,
 }
@@ -93,7 +95,7 @@ pub struct RegionTable {
     pub view: Option<String>,
     /// `"map"` where the polygon is in map coordinates; local if left out.
     #[serde(skip_serializing_if = "Option::is_none")]
-    pub coordinates: Option<String>,
+    pub coordinates: Option<Coordinates>,
     /// Distance between its points, m; 1 if left out.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub spacing_m: Option<f64>,
@@ -105,8 +107,8 @@ pub struct RegionTable {
 #[derive(Clone, Debug, Deserialize, Serialize)]
 #[serde(deny_unknown_fields)]
 pub struct ReceiversTable {
-    /// `"photons"` or `"direct"`.
-    pub estimator: String,
+    /// How they are computed.
+    pub estimator: ReceiversBy,
 }
 
 /// `[[season]]`
@@ -144,7 +146,7 @@ pub struct MomentTable {
 
 /// `"ID"` or `["ID", "ID"]`
 #[derive(Clone, Debug, Deserialize, Serialize)]
-#[serde(untagged)]
+#[serde(untagged, expecting = "expected an object's id or a list of them")]
 pub enum Ids {
     /// One.
     One(String),
@@ -160,8 +162,4 @@ impl Ids {
             Self::Many(ids) => ids,
         }
     }
-}
-
-fn photons() -> String {
-    "photons".into()
 }

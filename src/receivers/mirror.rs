@@ -207,7 +207,7 @@ pub fn mirror(
 }
 
 fn wrong(resolved: &Resolved, message: String) -> Error {
-    resolved.mistake(message).into()
+    resolved.mistaken(message).into()
 }
 
 impl MirrorAsked {

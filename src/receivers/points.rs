@@ -7,11 +7,11 @@ use serde::{Deserialize, Serialize};
 
 use super::error::Error;
 use crate::base::limits;
-use crate::project::{Folder, ObserverTable, PlannedView, RegionTable, Resolved};
+use crate::project::{Folder, Key, ObserverTable, PlannedView, RegionTable, Resolved};
 use crate::render::samples::{Sample, sample_objects, sample_polygon};
 use crate::render::sensors::{Footing, Sensor, place};
 use crate::render::{HitMap, PvInView, View};
-use crate::site::{Site, local_from_map};
+use crate::site::{Coordinates, Site, local_from_map};
 
 /// Distance between the points of a region where it says nothing, m.
 const SPACING_M: f64 = 1.0;
@@ -136,8 +136,14 @@ pub struct Spreader<'a> {
 }
 
 impl Spreader<'_> {
-    fn wrong(&self, table: &str, name: &str, what: &str) -> Error {
-        self.resolved.mistake(format!("[[{table}]] \"{name}\": {what}")).into()
+    /// A mistake in a region of the project, or in one that was asked for beside it.
+    fn wrong(&self, region: &str, what: &str) -> Error {
+        let known = self.resolved.project.region.iter().position(|r| r.name == region);
+        match known {
+            Some(number) => self.resolved.mistake(&Key::item("region", number), what),
+            None => self.resolved.mistaken(format!("[[region]] \"{region}\": {what}")),
+        }
+        .into()
     }
 
     fn local(&self, point: DVec3, map: bool) -> DVec3 {
@@ -200,7 +206,6 @@ impl Spreader<'_> {
             let (samples, notes) = self.region(region, hits, MAX_REGION_POINTS)?;
             if samples.is_empty() {
                 return Err(self.wrong(
-                    "region",
                     &region.name,
                     "not one point of it lies on the scene; check its polygon or object",
                 ));
@@ -214,14 +219,14 @@ impl Spreader<'_> {
                 limits::MAX_VIEW_EDGE
             );
             let last = self.resolved.project.region.last().map_or("", |r| &r.name);
-            return Err(self.wrong("region", last, &what));
+            return Err(self.wrong(last, &what));
         }
         Ok(points)
     }
 
     /// An eye; it looks at the middle of the PV where it says nothing.
     pub fn observer(&self, o: &ObserverTable) -> Sensor {
-        let map = o.coordinates.as_deref() == Some("map");
+        let map = o.coordinates == Some(Coordinates::Map);
         let position = self.local(DVec3::from_array(o.point), map);
         let normal = match o.direction {
             Some(d) => self.turned(DVec3::from_array(d), map),
@@ -294,7 +299,7 @@ impl Spreader<'_> {
 
     /// The polygon of a region in plan, local coordinates.
     pub fn plan(&self, region: &RegionTable) -> Option<Vec<[f64; 2]>> {
-        let map = region.coordinates.as_deref() == Some("map");
+        let map = region.coordinates == Some(Coordinates::Map);
         let local = |[x, y]: &[f64; 2]| {
             let p = self.local(DVec3::new(*x, *y, 0.0), map);
             [p.x, p.y]
@@ -333,7 +338,7 @@ impl Spreader<'_> {
                     "no object of the scene is named \"{id}\"; the nearest are {}",
                     names.join(", ")
                 );
-                return Err(self.wrong("region", &region.name, &what));
+                return Err(self.wrong(&region.name, &what));
             }
             out.extend(found);
         }

@@ -86,7 +86,7 @@ pub struct Moment {
 /// # Errors
 /// When the view isn't known, the spot lies outside it, or the run isn't there yet.
 pub fn probe(resolved: &Resolved, view: &str, spot: Spot) -> Result<Probed, Error> {
-    let wrong = |message: String| Error::from(resolved.mistake(message));
+    let wrong = |message: String| Error::from(resolved.mistaken(message));
     let names = || resolved.with_sensors().map(|v| v.name.as_str());
     let known = || names().collect::<Vec<_>>().join(", ");
     let planned = resolved.with_sensors().find(|v| v.name == view).ok_or_else(|| {

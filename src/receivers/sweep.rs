@@ -88,7 +88,7 @@ pub fn sweep(
     asked: &SweepAsked,
     progress: &dyn Progress,
 ) -> Result<Swept, Error> {
-    let wrong = |message: String| Error::from(resolved.mistake(message));
+    let wrong = |message: String| Error::from(resolved.mistaken(message));
     let step_s = asked.step_s;
     if !(10..=3600).contains(&step_s) || 86_400 % step_s != 0 {
         return Err(wrong(format!(

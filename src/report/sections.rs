@@ -12,6 +12,7 @@ use crate::glare::{ListedEvent, YearMap};
 use crate::project::artifacts::{MomentFile, quantity_words};
 use crate::project::{
     Candidate, GlareMap, Map, PlannedMoment, PlannedView, RECEIVERS, Resolved, Results, SeriesOf,
+    WordOr,
 };
 use crate::receivers::clock::Clock;
 use crate::receivers::eyes::VEIL_AGE_YEARS;
@@ -40,7 +41,10 @@ pub fn document(
             p.time.year,
             timeline.steps.len(),
             if p.time.half_year { " of half a year, doubled" } else { "" },
-            p.time.irradiance.as_str().unwrap_or("as in the project file"),
+            match &p.time.irradiance {
+                WordOr::Word(strength) => strength.name(),
+                WordOr::Table(_) => "as in the project file",
+            },
         ),
         draft: resolved.is_draft(),
         sections: Vec::new(),

@@ -21,4 +21,5 @@ pub use estimate::{Estimate, StageEstimate, bytes_in_words, estimate};
 pub use job::{Options, Stage, Summary};
 pub use runner::run;
 pub use site_plan::draw_site;
+pub use units::{HandedOn, OfView, Unit, Work, units};
 pub use verify::verify;

@@ -42,7 +42,7 @@ pub fn replay(resolved: &Resolved, material: Option<&str>, number: u64) -> Resul
     };
     let candidate = found.ok_or_else(|| {
         let known: Vec<_> = resolved.candidates.iter().map(|c| c.name.as_str()).collect();
-        resolved.mistake(format!(
+        resolved.mistaken(format!(
             "no material or case is named \"{}\" (there are: {})",
             material.unwrap_or_default(),
             known.join(", ")

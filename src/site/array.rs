@@ -39,8 +39,8 @@ pub(super) fn add(
 /// The rows' triangles, the southernmost (that which faces the azimuth) first.
 ///
 /// Seen from above a row is a strip as deep as a module's length times the cosine of the tilt, cut
-/// at the polygon; the next one begins `row_pitch_m` behind. A row that doesn't find its whole depth
-/// is left out.
+/// at the polygon; the next one begins `row_pitch_m` behind. A row that doesn't find its whole
+/// depth is left out.
 fn rows(name: &str, array: &PvArray, placement: &Placement) -> Result<Vec<Vec<[DVec3; 3]>>, Error> {
     let wrong = |key, found: String, expected| Error::Array {
         entry: name.to_owned(),

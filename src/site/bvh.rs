@@ -219,10 +219,10 @@ fn without_minus_zero(direction: Vec3) -> Vec3 {
     direction + Vec3::ZERO
 }
 
-/// What the triangle test needs of a ray: a shear that turns the ray into the z axis (Woop, Benthin,
-/// Wald 2013, "Watertight Ray/Triangle Intersection", JCGT 2-1). A corner's sheared coordinates
-/// don't depend on the triangle that it belongs to, and the sign of an edge function is exact, so
-/// no ray passes between two triangles that share an edge or a corner.
+/// What the triangle test needs of a ray: a shear that turns the ray into the z axis (Woop,
+/// Benthin, Wald 2013, "Watertight Ray/Triangle Intersection", JCGT 2-1). A corner's sheared
+/// coordinates don't depend on the triangle that it belongs to, and the sign of an edge function is
+/// exact, so no ray passes between two triangles that share an edge or a corner.
 struct Sheared {
     origin: Vec3A,
     axes: [usize; 3],

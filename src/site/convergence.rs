@@ -5,10 +5,10 @@ use std::f64::consts::FRAC_PI_4;
 /// here. `crs`: EPSG code; `latitude_deg` north, `longitude_deg` east.
 ///
 /// Transverse Mercator: Snyder, "Map Projections" (USGS PP 1395), eq. 8-10, whose ellipsoidal terms
-/// stay below 0.0002 degrees within three degrees of the central meridian. Swiss oblique Mercator: swisstopo,
-/// "Formulas and constants for the calculation of the Swiss conformal cylindrical projection",
-/// section 3.4. Dutch oblique stereographic: both on Gauss's conformal sphere, where directions
-/// from the centre keep their angle. Lambert conic: Snyder, eq. 15-4.
+/// stay below 0.0002 degrees within three degrees of the central meridian. Swiss oblique Mercator:
+/// swisstopo, "Formulas and constants for the calculation of the Swiss conformal cylindrical
+/// projection", section 3.4. Dutch oblique stereographic: both on Gauss's conformal sphere, where
+/// directions from the centre keep their angle. Lambert conic: Snyder, eq. 15-4.
 pub(super) fn true_north_deg(crs: u32, latitude_deg: f64, longitude_deg: f64) -> Option<f64> {
     let (latitude, longitude) = (latitude_deg.to_radians(), longitude_deg.to_radians());
     let north = match projection(crs)? {

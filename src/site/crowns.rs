@@ -23,8 +23,8 @@ pub struct Season {
 }
 
 /// Crowns that let light through by season. A crown is what objects of one name have of a season's
-/// material: a ray that meets any of its surfaces is weakened once, however many it meets. Trunks, and all
-/// that isn't named, are opaque. Rays start and end off surfaces by more than 0.1 mm.
+/// material: a ray that meets any of its surfaces is weakened once, however many it meets. Trunks,
+/// and all that isn't named, are opaque. Rays start and end off surfaces by more than 0.1 mm.
 #[derive(Debug)]
 pub struct Crowns {
     /// All that is opaque.

@@ -301,7 +301,8 @@ mod tests {
         assert!((back - p).length() < 1e-12);
     }
 
-    /// Against PROJ 9 (`pyproj`, `Proj(crs).get_factors(longitude, latitude).meridian_convergence`).
+    /// Against PROJ 9 (`pyproj`, `Proj(crs).get_factors(longitude,
+    /// latitude).meridian_convergence`).
     #[test]
     fn grid_convergence_is_that_of_proj() {
         for (crs, latitude, longitude, convergence) in PROJ {

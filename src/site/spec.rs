@@ -59,8 +59,8 @@ impl SceneSpec {
 pub struct SceneFile {
     /// Where it lies.
     pub path: PathBuf,
-    /// Unit of its coordinates: m, cm, mm, km, in, ft. Needed for OBJ, PLY and STL, which don't say;
-    /// metres for all others.
+    /// Unit of its coordinates: m, cm, mm, km, in, ft. Needed for OBJ, PLY and STL, which don't
+    /// say; metres for all others.
     pub unit: Option<String>,
     /// Which axis points up: z, y or x. Needed for OBJ, PLY and STL; y in glTF, z in all others.
     pub up: Option<String>,

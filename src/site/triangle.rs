@@ -5,7 +5,8 @@ use glam::Vec3;
 pub struct Triangle {
     /// Its corners.
     pub corners: [Vec3; 3],
-    /// Index into [`Site::faces`](super::Site::faces): the surface of the source that it is part of.
+    /// Index into [`Site::faces`](super::Site::faces): the surface of the source that it is part
+    /// of.
     pub face: u32,
 }
 

@@ -150,7 +150,7 @@ mod tests {
 
     #[test]
     fn a_ridge_ends_segments_and_keeps_the_order() {
-        use crate::sky::{DayRange, HourRange, Irradiance, Place, SunModel, TimeSpec, timeline};
+        use crate::sky::{DayRange, HourRange, Place, SunModel, SunStrength, TimeSpec, timeline};
         let place =
             Place { latitude_deg: 47.0, longitude_deg: 8.3, meridian_deg: 15.0, elevation_m: 0.0 };
         let spec = TimeSpec {
@@ -158,7 +158,7 @@ mod tests {
             days: DayRange { from: 100, to: 101, step: 1 },
             hours: HourRange { from: 0.0, to: 23.0, step: 1.0 },
             sun: SunModel::Gensky,
-            irradiance: Irradiance::Gensky,
+            irradiance: SunStrength::Gensky,
             finer: Vec::new(),
             half_year: false,
         };

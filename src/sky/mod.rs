@@ -25,6 +25,6 @@ pub use place::Place;
 pub use position::{altitude_azimuth_deg, sun_direction};
 pub use range::{DayRange, HourRange};
 pub use refraction::refracted;
-pub use spec::{Irradiance, SunModel, TimeSpec};
+pub use spec::{SunModel, SunStrength, TimeSpec};
 pub use table::{Row, rows, write_csv};
 pub use timeline::timeline;

@@ -15,19 +15,23 @@ pub struct Place {
 }
 
 impl Place {
-    /// Checks that the numbers can be a place.
-    pub(super) fn check(&self) -> Result<(), Error> {
+    /// The numbers that can't be a place's.
+    pub fn mistakes(&self) -> Vec<Error> {
         let checks = [
             ("latitude", self.latitude_deg, -90.0, 90.0, "-90 to 90 degrees north"),
             ("longitude", self.longitude_deg, -180.0, 180.0, "-180 to 180 degrees east"),
             ("meridian", self.meridian_deg, -180.0, 180.0, "-180 to 180 degrees east"),
             ("elevation_m", self.elevation_m, -500.0, 9000.0, "-500 to 9000 m"),
         ];
-        for (field, found, least, most, expected) in checks {
-            if !(least..=most).contains(&found) {
-                return Err(Error::Place { field, expected, found });
-            }
-        }
-        Ok(())
+        let outside =
+            checks.into_iter().filter(|(_, v, least, most, _)| !(least..=most).contains(&v));
+        outside
+            .map(|(field, found, .., expected)| Error::Place { field, expected, found })
+            .collect()
+    }
+
+    /// Checks that the numbers can be a place.
+    pub(super) fn check(&self) -> Result<(), Error> {
+        self.mistakes().into_iter().next().map_or(Ok(()), Err)
     }
 }

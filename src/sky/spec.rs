@@ -17,7 +17,7 @@ pub(super) struct Instant {
 }
 
 /// Which formulas say where the sun stands.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 pub enum SunModel {
     /// Radiance's gensky as of 2018, as the paper used it.
     #[serde(rename = "gensky-2018")]
@@ -41,10 +41,10 @@ impl SunModel {
     }
 
     /// The strength that goes with it where none is asked for.
-    pub fn default_irradiance(self) -> Irradiance {
+    pub fn default_irradiance(self) -> SunStrength {
         match self {
-            Self::Gensky2018 | Self::Gensky => Irradiance::Gensky,
-            Self::Spa => Irradiance::ClearSky,
+            Self::Gensky2018 | Self::Gensky => SunStrength::Gensky,
+            Self::Spa => SunStrength::ClearSky,
         }
     }
 }
@@ -63,7 +63,7 @@ impl FromStr for SunModel {
 /// How strong the sun is.
 #[derive(Clone, Debug, PartialEq, serde::Serialize)]
 #[serde(rename_all = "kebab-case")]
-pub enum Irradiance {
+pub enum SunStrength {
     /// Radiance's visible watts, for comparison with the paper; a disc of 0.5 degrees.
     Gensky,
     /// Broadband, Ineichen and Perez 2002 with a Linke turbidity of 3.
@@ -96,12 +96,12 @@ pub struct TimeSpec {
     /// Where the sun stands.
     pub sun: SunModel,
     /// How strong it is.
-    pub irradiance: Irradiance,
+    pub irradiance: SunStrength,
     /// The paper's Equation (1): half a year stands for the year.
     pub half_year: bool,
 }
 
-impl Irradiance {
+impl SunStrength {
     /// Checks that the numbers can be a sun's.
     pub(super) fn check(&self) -> Result<(), Error> {
         match self {
@@ -163,13 +163,24 @@ impl TimeSpec {
         (0..hours.len()).map(|i| Instant { hour: hours[i].0, length_h: length(i) }).collect()
     }
 
-    /// Checks everything that doesn't need the sun.
-    pub(super) fn check(&self) -> Result<(), Error> {
-        if !(1583..6000).contains(&self.year) {
-            return Err(Error::Year(self.year));
+    /// Everything that is wrong without asking the sun.
+    pub fn mistakes(&self) -> Vec<Error> {
+        let mut out = Vec::new();
+        let mut add = |checked: Result<(), Error>| out.extend(checked.err());
+        match (1583..6000).contains(&self.year) {
+            true => add(self.days.check(self.year)),
+            false => add(Err(Error::Year(self.year))),
         }
-        self.days.check(self.year)?;
-        self.hours.check()?;
+        add(self.hours.check());
+        add(self.check_finer());
+        add(self.irradiance.check());
+        if self.half_year && self.days.to > 182 {
+            add(Err(Error::HalfYear { from: self.days.from, to: self.days.to }));
+        }
+        out
+    }
+
+    fn check_finer(&self) -> Result<(), Error> {
         let mut end = self.hours.from;
         for range in &self.finer {
             range.check()?;
@@ -182,11 +193,12 @@ impl TimeSpec {
             }
             end = range.to;
         }
-        self.irradiance.check()?;
-        if self.half_year && self.days.to > 182 {
-            return Err(Error::HalfYear { from: self.days.from, to: self.days.to });
-        }
         Ok(())
+    }
+
+    /// Checks everything that doesn't need the sun.
+    pub(super) fn check(&self) -> Result<(), Error> {
+        self.mistakes().into_iter().next().map_or(Ok(()), Err)
     }
 }
 
@@ -201,7 +213,7 @@ mod tests {
             days: DayRange { from: 0, to: 364, step: 7 },
             hours: range(&[4.0, 20.0, 0.25]),
             sun: SunModel::Spa,
-            irradiance: Irradiance::ClearSky,
+            irradiance: SunStrength::ClearSky,
             half_year: false,
             finer: finer.iter().map(range).collect(),
         }

@@ -1,7 +1,7 @@
 //! The timesteps of a run: instants with a sun above the horizon, their weights and segments.
 
 use super::spec::Instant;
-use super::{Error, Irradiance, Place, TimeSpec, altitude_azimuth_deg, clear_sky, gensky};
+use super::{Error, Place, SunStrength, TimeSpec, altitude_azimuth_deg, clear_sky, gensky};
 use super::{Weather, date_of_day, days_in_year, sun_direction};
 use crate::base::{SpectralBasis, Timeline, Timestep, limits};
 
@@ -37,7 +37,7 @@ pub fn timeline(place: &Place, spec: &TimeSpec) -> Result<Timeline, Error> {
     let mut steps: Vec<Timestep> = Vec::new();
     let mut segment = 0_u32;
     let mut weather = match &spec.irradiance {
-        Irradiance::Epw(weather) => {
+        SunStrength::Epw(weather) => {
             weather.check(place)?;
             Some(Strength { weather, place, spec, last: None })
         }
@@ -74,13 +74,13 @@ pub fn timeline(place: &Place, spec: &TimeSpec) -> Result<Timeline, Error> {
                 return Err(Error::TooMany { most: limits::MAX_TIMESTEPS, found: candidates });
             }
             let irradiance_w_m2 = match &spec.irradiance {
-                Irradiance::Gensky => gensky::irradiance_w_m2(sun.z),
-                Irradiance::Constant(w_m2) => *w_m2,
-                Irradiance::Epw(_) => match &mut weather {
+                SunStrength::Gensky => gensky::irradiance_w_m2(sun.z),
+                SunStrength::Constant(w_m2) => *w_m2,
+                SunStrength::Epw(_) => match &mut weather {
                     Some(strength) => strength.at(day, hour, sun)?,
                     None => 0.0,
                 },
-                Irradiance::ClearSky | Irradiance::Ineichen { .. } => {
+                SunStrength::ClearSky | SunStrength::Ineichen { .. } => {
                     let (altitude_deg, _) = altitude_azimuth_deg(sun);
                     clear_sky::direct_normal_w_m2(altitude_deg, place.elevation_m, turbidity, day)
                 }
@@ -91,7 +91,7 @@ pub fn timeline(place: &Place, spec: &TimeSpec) -> Result<Timeline, Error> {
     if steps.is_empty() {
         return Err(Error::Night { candidates });
     }
-    let visible = spec.irradiance == Irradiance::Gensky;
+    let visible = spec.irradiance == SunStrength::Gensky;
     Ok(Timeline {
         steps,
         step_h,
@@ -205,7 +205,7 @@ impl Strength<'_> {
 
 fn turbidity(spec: &TimeSpec, day: u32) -> f64 {
     match &spec.irradiance {
-        Irradiance::Ineichen { linke } => clear_sky::linke_of_day(linke, spec.year, day),
+        SunStrength::Ineichen { linke } => clear_sky::linke_of_day(linke, spec.year, day),
         _ => clear_sky::LINKE,
     }
 }

@@ -26,11 +26,10 @@ pub trait UnitSink: PhotonSink {
 impl Tracer<'_> {
     /// Sends the photons of some units of a plan and delivers those that land, batch by batch in
     /// order, whatever the number of threads; the sink is called by one thread at a time while the
-    /// next batches are traced. Runs in the current rayon pool and holds some four batches a thread.
-    /// The tally of the whole is the sum of the units' in ascending order, to the last bit.
+    /// next batches are traced. Runs in the current rayon pool and holds some four batches a
+    /// thread. The tally of the whole is the sum of the units' in ascending order, to the last bit.
     ///
-    /// # Errors
-    /// A sink that can't keep its photons, and interruption.
+    /// # Errors A sink that can't keep its photons, and interruption.
     pub fn run_units(
         &self,
         plan: &Plan,

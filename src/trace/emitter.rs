@@ -62,8 +62,8 @@ pub(super) fn reach_m(site: &Site) -> f64 {
     f64::from(site.bounds.min.abs().max(site.bounds.max.abs()).max_element())
 }
 
-/// How far above its surface a photon starts, m: above all rounding of f32 positions and
-/// directions over the scene (one part in 16 million, some 30 times over), and a millimetre at least.
+/// How far above its surface a photon starts, m: above all rounding of f32 positions and directions
+/// over the scene (one part in 16 million, some 30 times over), and a millimetre at least.
 fn lift_m(site: &Site) -> f64 {
     (4e-6 * reach_m(site)).max(1e-3)
 }

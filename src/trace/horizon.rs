@@ -134,7 +134,8 @@ impl Horizon {
         Self { tangents, reach, floor: None }
     }
 
-    /// The horizon where virtual sensors are all that can be reached. `virtual sensors` are boxes around them.
+    /// The horizon where virtual sensors are all that can be reached. `virtual sensors` are boxes
+    /// around them.
     fn around(
         site: &Site,
         emitter: &Emitter,

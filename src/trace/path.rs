@@ -96,12 +96,11 @@ impl<'a> Tracer<'a> {
         Self::with(emission, true, None)
     }
 
-    /// Gets ready to send photons through virtual sensors in free air: only what may cross one is sent, and
-    /// what crosses is delivered, once for each virtual sensor that it crosses, instead of what lands.
-    /// `settings.stored` crossings are aimed at, with `most` photons sent.
+    /// Gets ready to send photons through virtual sensors in free air: only what may cross one is
+    /// sent, and what crosses is delivered, once for each virtual sensor that it crosses, instead
+    /// of what lands. `settings.stored` crossings are aimed at, with `most` photons sent.
     ///
-    /// # Errors
-    /// What [`Emission::check`] finds, and [`Error::NoFlux`].
+    /// # Errors What [`Emission::check`] finds, and [`Error::NoFlux`].
     pub fn through(emission: &'a Emission<'a>, sensors: &Through<'_>) -> Result<Self, Error> {
         Self::with(emission, true, Some(SensorTree::of(sensors)))
     }

@@ -27,12 +27,11 @@ const LEAST_SENT: u64 = 1 << 24;
 const MOST_EMITTED: f64 = (1_u64 << 48) as f64;
 
 impl Tracer<'_> {
-    /// Finds how many photons to send so that `settings.stored` land. Deterministic: sends photons of
-    /// their own in growing rounds, each spread over the whole year, until about 40,000 have landed
-    /// (fewer for targets below 100,000).
+    /// Finds how many photons to send so that `settings.stored` land. Deterministic: sends photons
+    /// of their own in growing rounds, each spread over the whole year, until about 40,000 have
+    /// landed (fewer for targets below 100,000).
     ///
-    /// # Errors
-    /// [`Error::NothingLands`] with the shares that say why, and interruption.
+    /// # Errors [`Error::NothingLands`] with the shares that say why, and interruption.
     pub fn plan(&self, progress: &dyn Progress) -> Result<Plan, Error> {
         let (tracer, emission) = (self, self.emission);
         let target = emission.settings.stored;
@@ -66,8 +65,8 @@ impl Tracer<'_> {
         })
     }
 
-    /// Through virtual sensors as many are sent as cross them often enough, but `most` at most: a virtual sensor in the
-    /// shade of everything is no mistake, nor one that little light reaches.
+    /// Through virtual sensors as many are sent as cross them often enough, but `most` at most: a
+    /// virtual sensor in the shade of everything is no mistake, nor one that little light reaches.
     fn sensor_plan(&self, most: u64, wanted: u64, progress: &dyn Progress) -> Result<Plan, Error> {
         let most = most.max(LEAST_SENT);
         let mut tally = Tally::default();

@@ -24,7 +24,8 @@ pub struct Through<'a> {
 
 /// Virtual sensors of a leaf at most.
 const LEAF: usize = 4;
-/// Levels of the tree, which halves its virtual sensors at each: more than 2^60 virtual sensors would need.
+/// Levels of the tree, which halves its virtual sensors at each: more than 2^60 virtual sensors
+/// would need.
 const LEVELS: usize = 64;
 
 /// Virtual sensors in a tree of boxes, for rays that must find all that they cross.
@@ -127,8 +128,8 @@ impl SensorTree {
         });
     }
 
-    /// Calls `each` with the number of each virtual sensor that is crossed, and how far from its middle,
-    /// until it says false.
+    /// Calls `each` with the number of each virtual sensor that is crossed, and how far from its
+    /// middle, until it says false.
     #[inline]
     fn visit(
         &self,
@@ -191,7 +192,8 @@ mod tests {
     use super::*;
     use crate::base::{Purpose, Stream};
 
-    /// The tree against a look at each virtual sensor; virtual sensors lie in each other, some in one plane.
+    /// The tree against a look at each virtual sensor; virtual sensors lie in each other, some in
+    /// one plane.
     #[test]
     fn rays_find_every_gate_that_they_cross() {
         let mut random = Stream::new(7, Purpose::Survey, 0);

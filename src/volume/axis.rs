@@ -1,14 +1,19 @@
+//! What a volume knows of its timesteps, and how that lies in Zarr: one coordinate array for each
+//! quantity, and attributes of the group, so that xarray shows days and hours beside the numbers.
+
 use std::fs;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 
 use glam::DVec3;
-use glintmap_formats::zarr::chunk::{Decoder, Encoder, encoded_bound};
-use glintmap_formats::zarr::metadata::{Array, DataType, Pipeline};
+use glintmap_formats::zarr::chunk::{Decoder, Encoder, Pipeline, encoded_bound};
+use glintmap_formats::zarr::metadata::{Array, DataType};
 use glintmap_formats::{npy, seal, zarr};
+use serde::de::DeserializeOwned;
 use serde_json::{Map, Value, json};
 
-use super::{Error, layout};
+use super::fault::Wrong;
+use super::{Error, document};
 use crate::base::{SpectralBasis, Timeline};
 
 /// Timesteps in one chunk of a coordinate array.
@@ -88,6 +93,14 @@ pub fn read_segments(path: &Path, timesteps: usize) -> Result<Vec<i64>, Error> {
     Ok(numbers)
 }
 
+/// A coordinate array of the timesteps, all of whose numbers are known.
+pub(super) struct Coordinate {
+    pub name: &'static str,
+    pub array: Array,
+    /// Its numbers, little endian.
+    pub bytes: Vec<u8>,
+}
+
 /// What a volume in Zarr stores about its timesteps.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) enum Axis {
@@ -109,51 +122,34 @@ impl Axis {
         }
     }
 
-    /// The coordinate arrays in the order in which they are stored: name, metadata, bytes.
-    pub(super) fn arrays(&self) -> Vec<(&'static str, Array, Vec<u8>)> {
-        let whole = |numbers: &[u32]| {
+    /// The coordinate arrays in the order in which they are stored.
+    pub(super) fn arrays(&self) -> Vec<Coordinate> {
+        let segment = self.segment();
+        let n = segment.len();
+        let whole = |name, units, about, numbers: &[u32]| {
             // Days and segments are bounded far below i32: segments by the number of timesteps.
             let bytes = |&n: &u32| i32::try_from(n).unwrap_or(i32::MAX).to_le_bytes();
-            numbers.iter().flat_map(bytes).collect::<Vec<u8>>()
+            let bytes = numbers.iter().flat_map(bytes).collect();
+            Coordinate { name, array: array(&[n], DataType::Int32, units, about), bytes }
         };
-        let real = |numbers: &mut dyn Iterator<Item = f64>| {
-            numbers.flat_map(f64::to_le_bytes).collect::<Vec<u8>>()
+        let real = |name, shape: &[usize], units, about, numbers: &mut dyn Iterator<Item = f64>| {
+            let bytes = numbers.flat_map(f64::to_le_bytes).collect();
+            Coordinate { name, array: array(shape, DataType::Float64, units, about), bytes }
         };
         let mut out = Vec::new();
         if let Self::Full(axis) = self {
-            let n = self.len();
+            let hour = &mut axis.hour.iter().copied();
             let sun = &mut axis.sun.iter().flat_map(|s| s.to_array());
+            let weight_h = &mut axis.weight_h.iter().copied();
             out.extend([
-                (
-                    "day",
-                    array(&[n], DataType::Int32, "d", "day of year, 0 is 1 January"),
-                    whole(&axis.day),
-                ),
-                (
-                    "hour",
-                    array(&[n], DataType::Float64, "h", "hour of day, local standard time"),
-                    real(&mut axis.hour.iter().copied()),
-                ),
-                (
-                    "sun",
-                    array(
-                        &[n, 3],
-                        DataType::Float64,
-                        "1",
-                        "unit vector to the sun: east, north, up",
-                    ),
-                    real(sun),
-                ),
-                (
-                    "weight_h",
-                    array(&[n], DataType::Float64, "h", "hours of the year that it stands for"),
-                    real(&mut axis.weight_h.iter().copied()),
-                ),
+                whole("day", "d", "day of year, 0 is 1 January", &axis.day),
+                real("hour", &[n], "h", "hour of day, local standard time", hour),
+                real("sun", &[n, 3], "1", "unit vector to the sun: east, north, up", sun),
+                real("weight_h", &[n], "h", "hours of the year that it stands for", weight_h),
             ]);
         }
         let about = "number of the segment: an unbroken run of timesteps";
-        let segment = self.segment();
-        out.push(("segment", array(&[segment.len()], DataType::Int32, "1", about), whole(segment)));
+        out.push(whole("segment", "1", about, segment));
         out
     }
 
@@ -173,7 +169,7 @@ impl Axis {
     /// Hash of everything that is stored about time, hexadecimal.
     pub(super) fn fingerprint(&self) -> String {
         let mut hash = blake3::Hasher::new();
-        for (name, _, bytes) in self.arrays() {
+        for Coordinate { name, bytes, .. } in self.arrays() {
             hash.update(name.as_bytes()).update(&bytes);
         }
         hash.update(Value::Object(self.attributes()).to_string().as_bytes());
@@ -183,7 +179,7 @@ impl Axis {
     /// Writes the chunks of the coordinate arrays below the folder of the group.
     pub(super) fn write(&self, group: &Path) -> Result<(), Error> {
         let mut encoder = Encoder::new().map_err(Error::zarr(group))?;
-        for (name, array, bytes) in self.arrays() {
+        for Coordinate { name, array, bytes } in self.arrays() {
             let folder = group.join(name);
             let plain = file_bytes(&array);
             for (number, part) in bytes.chunks(plain).enumerate() {
@@ -206,42 +202,30 @@ impl Axis {
         attributes: &Map<String, Value>,
         timesteps: usize,
     ) -> Result<Option<Self>, Error> {
-        if !group.join("segment").join("zarr.json").is_file() {
+        if !group.join("segment").join(document::NAME).is_file() {
             return Ok(None);
         }
         let whole = |name| {
             let bytes = read_array(group, name, &[timesteps], DataType::Int32)?;
-            let number = |b: &[u8]| i32::from_le_bytes([b[0], b[1], b[2], b[3]]);
-            let number = |b| {
-                u32::try_from(number(b)).map_err(|_| Error::Layout {
-                    path: group.join(name),
-                    field: name,
-                    expected: "numbers from 0 up".into(),
-                    found: number(b).to_string(),
+            let number = |bytes: &[u8; 4]| {
+                let found = i32::from_le_bytes(*bytes);
+                let expected = "numbers from 0 up".to_owned();
+                u32::try_from(found).map_err(|_| {
+                    Wrong { what: name, expected, found: found.to_string() }.at(group.join(name))
                 })
             };
-            bytes.chunks_exact(4).map(number).collect::<Result<Vec<u32>, Error>>()
+            bytes.as_chunks().0.iter().map(number).collect::<Result<Vec<u32>, Error>>()
         };
         let segment = whole("segment")?;
-        if !group.join("day").join("zarr.json").is_file() {
+        if !group.join("day").join(document::NAME).is_file() {
             return Ok(Some(Self::Segments(segment)));
         }
         let real = |name, shape: &[usize]| {
             let bytes = read_array(group, name, shape, DataType::Float64)?;
-            let number = |b: &[u8]| f64::from_bits(u64::from_le_bytes(eight(b)));
-            Ok::<Vec<f64>, Error>(bytes.chunks_exact(8).map(number).collect())
+            let numbers = bytes.as_chunks().0.iter().map(|b| f64::from_le_bytes(*b));
+            Ok::<Vec<f64>, Error>(numbers.collect())
         };
-        let attribute = |field: &'static str, expected: &str| {
-            let found = attributes.get(field);
-            found.cloned().ok_or_else(|| wrong_attribute(group, field, expected, found))
-        };
-        let number = |field| {
-            let value = attribute(field, "a number")?;
-            value.as_f64().ok_or_else(|| wrong_attribute(group, field, "a number", Some(&value)))
-        };
-        let year = attribute("year", "a whole number")?;
-        let half_year = attribute("half_year", "true or false")?;
-        let basis = attribute("spectral_basis", "broadband or visible")?;
+        let attribute = |field| Attribute { group, field, value: attributes.get(field) };
         let sun = real("sun", &[timesteps, 3])?;
         Ok(Some(Self::Full(TimeAxis {
             day: whole("day")?,
@@ -249,39 +233,30 @@ impl Axis {
             sun: sun.chunks_exact(3).map(DVec3::from_slice).collect(),
             weight_h: real("weight_h", &[timesteps])?,
             segment,
-            step_h: number("step_h")?,
-            half_year: half_year.as_bool().ok_or_else(|| {
-                wrong_attribute(group, "half_year", "true or false", Some(&half_year))
-            })?,
-            year: year
-                .as_i64()
-                .and_then(|y| i32::try_from(y).ok())
-                .ok_or_else(|| wrong_attribute(group, "year", "a whole number", Some(&year)))?,
-            sun_diameter_deg: number("sun_diameter_deg")?,
-            basis: serde_json::from_value(basis.clone()).map_err(|_| {
-                wrong_attribute(group, "spectral_basis", "broadband or visible", Some(&basis))
-            })?,
+            step_h: attribute("step_h").read("a number")?,
+            half_year: attribute("half_year").read("true or false")?,
+            year: attribute("year").read("a whole number")?,
+            sun_diameter_deg: attribute("sun_diameter_deg").read("a number")?,
+            basis: attribute("spectral_basis").read("broadband or visible")?,
         })))
     }
 }
 
-fn eight(bytes: &[u8]) -> [u8; 8] {
-    let mut out = [0u8; 8];
-    out.copy_from_slice(bytes);
-    out
+/// An attribute of a group, which may not be there.
+struct Attribute<'a> {
+    group: &'a Path,
+    field: &'static str,
+    value: Option<&'a Value>,
 }
 
-fn wrong_attribute(
-    group: &Path,
-    field: &'static str,
-    expected: &str,
-    found: Option<&Value>,
-) -> Error {
-    Error::Layout {
-        path: group.join("zarr.json"),
-        field,
-        expected: expected.to_owned(),
-        found: found.map_or_else(|| "nothing".to_owned(), ToString::to_string),
+impl Attribute<'_> {
+    fn read<T: DeserializeOwned>(&self, expected: &str) -> Result<T, Error> {
+        let known = self.value.and_then(|value| T::deserialize(value).ok());
+        known.ok_or_else(|| {
+            let found = self.value.map_or_else(|| "nothing".to_owned(), ToString::to_string);
+            Wrong { what: self.field, expected: expected.to_owned(), found }
+                .at(self.group.join(document::NAME))
+        })
     }
 }
 
@@ -327,12 +302,9 @@ fn read_array(
     data_type: DataType,
 ) -> Result<Vec<u8>, Error> {
     let folder = group.join(name);
-    let array = layout::read_array_metadata(&folder)?;
-    let wrong = |expected: String, found: String| Error::Layout {
-        path: folder.join("zarr.json"),
-        field: name,
-        expected,
-        found,
+    let array = document::read_array(&folder)?;
+    let wrong = |expected: String, found: String| {
+        Wrong { what: name, expected, found }.at(folder.join(document::NAME))
     };
     if array.shape != shape || array.data_type != data_type {
         return Err(wrong(

@@ -1,4 +1,7 @@
+//! Why a volume can't be read or written, and what that means for the process.
+
 use std::io;
+use std::ops::Range;
 use std::path::{Path, PathBuf};
 
 use crate::base::{FaultKind, Interrupted};
@@ -58,30 +61,30 @@ pub enum Error {
         found: String,
     },
     /// A shard is not what was written.
-    #[error("{}: the tile of columns {}..{}, rows {}..{} is damaged: {what}; remove the volume and make it again", path.display(), columns.0, columns.1, rows.0, rows.1)]
+    #[error("{}: the tile of columns {columns:?}, rows {rows:?} is damaged: {what}; remove the volume and make it again", path.display())]
     Tile {
         /// The shard.
         path: PathBuf,
-        /// First column, and the one behind the last.
-        columns: (usize, usize),
-        /// First row, and the one behind the last.
-        rows: (usize, usize),
+        /// Its columns.
+        columns: Range<usize>,
+        /// Its rows.
+        rows: Range<usize>,
         /// What doesn't hold.
         what: String,
     },
     /// A chunk is not what was written.
-    #[error("{}: chunk {chunk} (timesteps {}..{}, columns {}..{}, rows {}..{}) is damaged: {what}; remove the volume and make it again", path.display(), timesteps.0, timesteps.1, columns.0, columns.1, rows.0, rows.1)]
+    #[error("{}: chunk {chunk} (timesteps {timesteps:?}, columns {columns:?}, rows {rows:?}) is damaged: {what}; remove the volume and make it again", path.display())]
     Chunk {
         /// The shard.
         path: PathBuf,
         /// Number of the chunk in its shard.
         chunk: usize,
-        /// First timestep, and the one behind the last.
-        timesteps: (usize, usize),
-        /// First column, and the one behind the last.
-        columns: (usize, usize),
-        /// First row, and the one behind the last.
-        rows: (usize, usize),
+        /// Its timesteps.
+        timesteps: Range<usize>,
+        /// Its columns.
+        columns: Range<usize>,
+        /// Its rows.
+        rows: Range<usize>,
         /// What doesn't hold.
         what: String,
     },
@@ -152,6 +155,28 @@ pub enum Error {
     /// The user asked to stop.
     #[error(transparent)]
     Interrupted(#[from] Interrupted),
+}
+
+/// A number or a word that isn't what it must be.
+#[derive(Clone, Debug)]
+pub(super) struct Wrong {
+    /// Which one.
+    pub what: &'static str,
+    pub expected: String,
+    pub found: String,
+}
+
+impl From<Wrong> for Error {
+    fn from(Wrong { what, expected, found }: Wrong) -> Self {
+        Self::Shape { what, expected, found }
+    }
+}
+
+impl Wrong {
+    /// In the file at `path`.
+    pub fn at(self, path: PathBuf) -> Error {
+        Error::Layout { path, field: self.what, expected: self.expected, found: self.found }
+    }
 }
 
 impl Error {

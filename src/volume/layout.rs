@@ -1,16 +1,27 @@
+//! How a volume is cut, and what decides its bytes.
+//!
+//! A renderer writes a tile of 32 x 32 pixels with its whole year at a time, the analysis reads some
+//! timesteps of all tiles. Chunks of 16 x 32 x 32 numbers serve both: 64 KiB, which zstd packs well and
+//! a core unpacks in the second cache. All chunks of a tile lie in one file, so that there are some
+//! thousand files and not a million.
+
 use std::fs::File;
-use std::io::Read;
+use std::io::{BufReader, ErrorKind};
+use std::ops::Range;
 use std::path::{Path, PathBuf};
 
 use glintmap_formats::zarr;
-use glintmap_formats::zarr::metadata::{Array, DataType, MAX_DOCUMENT_BYTES, Pipeline};
+use glintmap_formats::zarr::chunk::Pipeline;
+use glintmap_formats::zarr::ledger::{self, Ledger};
+use glintmap_formats::zarr::metadata::{Array, DataType};
 use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value, json};
 
-use super::{Error, axis::Axis};
+use super::axis::Axis;
+use super::fault::{Error, Wrong};
 use crate::base::Irradiance;
 use crate::base::limits::{MAX_TIMESTEPS, MAX_VIEW_EDGE, MAX_VIEW_PIXELS, TILE_EDGE};
-use crate::base::{Provenance, TileRect};
+use crate::base::{Provenance, Tiles};
 
 /// Timesteps in one chunk: the natural step of reading.
 pub const CHUNK_TIMESTEPS: usize = 16;
@@ -62,7 +73,7 @@ impl Facts {
     }
 
     /// The first difference to what `found` says, with both sides of it.
-    pub(super) fn difference(&self, found: &Self) -> Option<(&'static str, String, String)> {
+    pub(super) fn difference(&self, found: &Self) -> Option<Wrong> {
         let shape = |f: &Self| format!("{:?}", f.shape);
         let (a, b) = (&self.provenance, &found.provenance);
         let inputs = |p: &Provenance| format!("{:?}", p.inputs);
@@ -79,17 +90,30 @@ impl Facts {
         ]
         .into_iter()
         .find(|(_, expected, found)| expected != found)
+        .map(|(what, expected, found)| Wrong { what, expected, found })
+    }
+
+    /// The ledger at `path`, of at most `most` records; `None` where there is none.
+    pub(super) fn ledger(path: &Path, most: usize) -> Result<Option<Ledger<Self>>, Error> {
+        let file = match File::open(path) {
+            Ok(file) => file,
+            Err(e) if matches!(e.kind(), ErrorKind::NotFound | ErrorKind::NotADirectory) => {
+                return Ok(None);
+            }
+            Err(e) => return Err(Error::io(path)(e)),
+        };
+        let wrong = |e: zarr::Error| Error::Ledger { path: path.to_owned(), what: e.to_string() };
+        ledger::read(&mut BufReader::new(file), most).map(Some).map_err(wrong)
     }
 
     pub(super) fn tiling(&self) -> Tiling {
-        let [timesteps, rows, columns] = self.shape;
-        Tiling { timesteps, rows, columns }
+        Tiling::new(self.shape)
     }
 
     /// The array's metadata.
     pub(super) fn array(&self, axis: &Axis) -> Array {
         let tiling = self.tiling();
-        let coordinates: Vec<&str> = axis.arrays().iter().map(|(name, ..)| *name).collect();
+        let coordinates: Vec<&str> = axis.arrays().iter().map(|c| c.name).collect();
         Array {
             shape: self.shape.to_vec(),
             data_type: DataType::Float32,
@@ -124,87 +148,51 @@ impl Facts {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Tiling {
     pub timesteps: usize,
-    pub rows: usize,
-    pub columns: usize,
+    pub tiles: Tiles,
 }
 
 impl Tiling {
+    /// That of a volume of `[timestep, row, column]`.
+    pub(super) fn new([timesteps, rows, columns]: [usize; 3]) -> Self {
+        Self { timesteps, tiles: Tiles { columns, rows, edge: TILE_EDGE } }
+    }
+
+    /// `[timestep, row, column]`
+    pub(super) fn shape(&self) -> [usize; 3] {
+        [self.timesteps, self.tiles.rows, self.tiles.columns]
+    }
+
     /// Chunks in a shard.
     pub(super) fn chunks(&self) -> usize {
         self.timesteps.div_ceil(CHUNK_TIMESTEPS)
     }
 
-    /// The timesteps of a chunk, first and behind the last.
-    pub(super) fn chunk_timesteps(&self, chunk: usize) -> (usize, usize) {
+    /// The timesteps of a chunk.
+    pub(super) fn chunk_timesteps(&self, chunk: usize) -> Range<usize> {
         let first = chunk * CHUNK_TIMESTEPS;
-        (first, (first + CHUNK_TIMESTEPS).min(self.timesteps))
-    }
-
-    pub(super) fn across(&self) -> usize {
-        self.columns.div_ceil(TILE_EDGE)
-    }
-
-    pub(super) fn down(&self) -> usize {
-        self.rows.div_ceil(TILE_EDGE)
-    }
-
-    pub(super) fn tiles(&self) -> usize {
-        self.across() * self.down()
-    }
-
-    /// The pixels of tile `number`.
-    pub(super) fn rect(&self, number: usize) -> TileRect {
-        let (row, column) =
-            (number / self.across() * TILE_EDGE, number % self.across() * TILE_EDGE);
-        TileRect {
-            column,
-            row,
-            columns: TILE_EDGE.min(self.columns - column),
-            rows: TILE_EDGE.min(self.rows - row),
-        }
-    }
-
-    /// The number of a tile; `None` where it isn't one of this volume's.
-    pub(super) fn number(&self, tile: TileRect) -> Option<usize> {
-        let aligned = tile.column.is_multiple_of(TILE_EDGE) && tile.row.is_multiple_of(TILE_EDGE);
-        let inside = tile.column < self.columns && tile.row < self.rows;
-        let number = tile.row / TILE_EDGE * self.across() + tile.column / TILE_EDGE;
-        (aligned && inside && self.rect(number) == tile).then_some(number)
+        first..(first + CHUNK_TIMESTEPS).min(self.timesteps)
     }
 
     /// The shard of tile `number` below the folder of the array.
     pub(super) fn shard_path(&self, array: &Path, number: usize) -> PathBuf {
-        let (row, column) = (number / self.across(), number % self.across());
+        let (row, column) = (number / self.tiles.across(), number % self.tiles.across());
         array.join("c").join("0").join(row.to_string()).join(column.to_string())
     }
 
     /// Holds the sizes against the program's limits; the error names the one that breaks them.
-    pub(super) fn bounded(&self) -> Result<(), (&'static str, String, String)> {
+    pub(super) fn bounded(&self) -> Result<(), Wrong> {
+        let [timesteps, rows, columns] = self.shape();
         for (what, found, most) in [
-            ("timesteps", self.timesteps, MAX_TIMESTEPS),
-            ("rows", self.rows, MAX_VIEW_EDGE),
-            ("columns", self.columns, MAX_VIEW_EDGE),
-            ("pixels", self.rows.saturating_mul(self.columns), MAX_VIEW_PIXELS),
+            ("timesteps", timesteps, MAX_TIMESTEPS),
+            ("rows", rows, MAX_VIEW_EDGE),
+            ("columns", columns, MAX_VIEW_EDGE),
+            ("pixels", rows.saturating_mul(columns), MAX_VIEW_PIXELS),
         ] {
             if found == 0 || found > most {
-                return Err((what, format!("1 to {most}"), found.to_string()));
+                let expected = format!("1 to {most}");
+                return Err(Wrong { what, expected, found: found.to_string() });
             }
         }
         Ok(())
     }
-}
-
-/// Reads a `zarr.json` of at most [`MAX_DOCUMENT_BYTES`].
-pub(super) fn read_document(path: &Path) -> Result<Value, Error> {
-    let mut text = Vec::new();
-    let file = File::open(path).map_err(Error::io(path))?;
-    file.take(MAX_DOCUMENT_BYTES).read_to_end(&mut text).map_err(Error::io(path))?;
-    serde_json::from_slice(&text)
-        .map_err(|e| Error::zarr(path)(zarr::Error::Damaged { what: format!("no JSON: {e}") }))
-}
-
-/// The metadata of the array in `folder`.
-pub(super) fn read_array_metadata(folder: &Path) -> Result<Array, Error> {
-    let path = folder.join("zarr.json");
-    Array::from_json(&read_document(&path)?).map_err(Error::zarr(&path))
 }

@@ -13,6 +13,7 @@
 //! described in [`glintmap_formats::zarr`]; a volume may be an `.npy` file as well.
 
 mod axis;
+mod document;
 mod fault;
 mod layout;
 mod read;

@@ -1,3 +1,6 @@
+//! All numbers of a volume, gone through in bounded memory: their range, each pixel's peak, and
+//! whether what lies on disk is what was written.
+
 use std::ops::Range;
 
 use rayon::prelude::*;
@@ -138,7 +141,7 @@ impl Volume {
     /// The user's wish to stop.
     pub fn verify(&self, progress: &dyn Progress) -> Result<Vec<String>, Error> {
         let Source::Zarr(tiles) = &self.source else { return Ok(Vec::new()) };
-        let count = tiles.tiling.tiles();
+        let count = tiles.tiling.tiles.count();
         progress.begin("checking the volume", count as u64, "tiles");
         let findings: Vec<Vec<String>> = (0..count)
             .into_par_iter()
@@ -157,11 +160,11 @@ impl Volume {
         let mut findings = Vec::new();
         let mut scratch = Scratch::new(self.path())?;
         let mut nonzero = 0u64;
-        let tile = tiles.tiling.rect(number);
+        let tile = tiles.tiling.tiles.rect(number);
         for chunk in 0..tiles.tiling.chunks() {
-            let (first, last) = tiles.tiling.chunk_timesteps(chunk);
+            let timesteps = tiles.tiling.chunk_timesteps(chunk);
             let seen = tiles.decode(number, chunk..chunk + 1, &mut scratch, |_, plain| {
-                let slices = plain.chunks_exact(TILE_EDGE * TILE_EDGE * 4).take(last - first);
+                let slices = plain.chunks_exact(TILE_EDGE * TILE_EDGE * 4).take(timesteps.len());
                 let rows = slices.flat_map(|s| s.chunks_exact(TILE_EDGE * 4).take(tile.rows));
                 let numbers = rows.flat_map(|r| r.chunks_exact(4).take(tile.columns));
                 nonzero += numbers.filter(|b| number_from(b) != 0.0).count() as u64;

@@ -1,20 +1,25 @@
+//! Where each chunk of a volume lies on disk, and its numbers.
+//!
+//! A shard's index has 16 bytes for each chunk of a year, which for all tiles of a large view would
+//! take more memory than the picture. So an index is checked as a whole when a tile is first asked
+//! for, and a window of it is kept, which moves with what is asked. What the ledger says of a shard (its
+//! length, the checksum of its index) tells a lost or an exchanged shard from a dark tile.
+
 use std::fs::File;
 use std::io;
 use std::path::{Path, PathBuf};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
 use glintmap_formats::zarr;
-use glintmap_formats::zarr::chunk::{Decoder, encoded_bound};
-use glintmap_formats::zarr::ledger::{self, Ledger, Record};
-use glintmap_formats::zarr::metadata::{self, Array, DataType, Pipeline};
+use glintmap_formats::zarr::chunk::{Decoder, Pipeline, encoded_bound};
+use glintmap_formats::zarr::ledger::{Ledger, Record};
+use glintmap_formats::zarr::metadata::{self, Array, DataType};
 use glintmap_formats::zarr::shard::{self, Entry};
 
 use super::Error;
 use super::axis::Axis;
-use super::layout::{
-    ARRAY, CHUNK_BYTES, CHUNK_TIMESTEPS, Facts, GROWING, LEDGER, Tiling, read_array_metadata,
-    read_document,
-};
+use super::document;
+use super::layout::{ARRAY, CHUNK_BYTES, CHUNK_TIMESTEPS, Facts, GROWING, LEDGER, Tiling};
 use crate::base::Irradiance;
 use crate::base::limits::TILE_EDGE;
 
@@ -65,13 +70,13 @@ impl Tiles {
         index_cache_bytes: usize,
     ) -> Result<(Self, Option<Axis>), Error> {
         let array_folder = path.join(ARRAY);
-        let group_path = path.join("zarr.json");
+        let group_path = path.join(document::NAME);
         if !group_path.exists() && array_folder.join(GROWING).exists() {
             return Err(Error::Unfinished { path: path.to_owned() });
         }
-        let group = read_document(&group_path)?;
+        let group = document::read(&group_path)?;
         let attributes = metadata::group_attributes(&group).map_err(Error::zarr(&group_path))?;
-        let array = read_array_metadata(&array_folder)?;
+        let array = document::read_array(&array_folder)?;
         let (tiling, pipeline) = understand(&array_folder, &array)?;
         let ledger = read_ledger(&array_folder, &tiling)?;
         let ours = attributes.contains_key("provenance");
@@ -91,14 +96,14 @@ impl Tiles {
             }
         }
         let records = ledger.map(|ledger| ledger.records);
-        let indexes = (0..tiling.tiles())
+        let indexes = (0..tiling.tiles.count())
             .map(|n| match &records {
                 Some(records) if records[n].bytes == 0 => Index::Absent,
                 _ => Index::Unknown,
             })
             .map(Mutex::new)
             .collect();
-        let window = index_cache_bytes / size_of::<Option<Entry>>() / tiling.tiles();
+        let window = index_cache_bytes / size_of::<Option<Entry>>() / tiling.tiles.count();
         let window = window.clamp(1, tiling.chunks());
         let array = array_folder;
         Ok((Self { array, tiling, pipeline, records, quantity, indexes, window }, axis))
@@ -123,11 +128,7 @@ impl Tiles {
             let Some((entry, file_bytes)) = self.locate(number, chunk, &mut file)? else {
                 continue;
             };
-            let path = || self.tiling.shard_path(&self.array, number);
-            let file = match &mut file {
-                Some(file) => file,
-                none => none.insert(File::open(path()).map_err(|e| Error::io(&path())(e))?),
-            };
+            let file = self.open_shard(number, &mut file)?;
             let Scratch { decoder, encoded, plain } = &mut *scratch;
             shard::read_chunk(
                 file,
@@ -162,15 +163,22 @@ impl Tiles {
             let chunks = self.tiling.chunks();
             *first = chunk / self.window * self.window;
             entries.resize(self.window.min(chunks - *first), None);
-            let path = self.tiling.shard_path(&self.array, number);
-            let file = match file {
-                Some(file) => file,
-                none => none.insert(File::open(&path).map_err(Error::io(&path))?),
-            };
+            let file = self.open_shard(number, file)?;
             shard::read_entries(file, *file_bytes, chunks, *first, entries)
                 .map_err(|error| self.tile_error(number, error))?;
         }
         Ok(entries[chunk - *first].map(|entry| (entry, *file_bytes)))
+    }
+
+    /// The shard of a tile, unless it is open already.
+    fn open_shard<'f>(&self, number: usize, file: &'f mut Option<File>) -> Result<&'f File, Error> {
+        match file {
+            Some(file) => Ok(file),
+            none => {
+                let path = self.tiling.shard_path(&self.array, number);
+                Ok(none.insert(File::open(&path).map_err(Error::io(&path))?))
+            }
+        }
     }
 
     /// Checks a shard's index, and keeps the part of it around `chunk`.
@@ -216,13 +224,13 @@ impl Tiles {
 
     fn tile_error(&self, number: usize, error: zarr::Error) -> Error {
         let path = self.tiling.shard_path(&self.array, number);
-        let tile = self.tiling.rect(number);
+        let tile = self.tiling.tiles.rect(number);
         match error {
             zarr::Error::Io(source) => Error::Io { path, source },
             other => Error::Tile {
                 path,
-                columns: (tile.column, tile.column + tile.columns),
-                rows: (tile.row, tile.row + tile.rows),
+                columns: tile.column..tile.column + tile.columns,
+                rows: tile.row..tile.row + tile.rows,
                 what: reason(other),
             },
         }
@@ -258,8 +266,8 @@ fn understand(folder: &Path, array: &Array) -> Result<(Tiling, Pipeline), Error>
         let found = format!("{:?}", array.shape);
         return Err(wrong("shape", "[timestep, row, column]".into(), found));
     };
-    let tiling = Tiling { timesteps, rows, columns };
-    tiling.bounded().map_err(|(what, expected, found)| wrong(what, expected, found))?;
+    let tiling = Tiling::new([timesteps, rows, columns]);
+    tiling.bounded().map_err(|wrong| wrong.at(folder.join(document::NAME)))?;
     if array.data_type != DataType::Float32 {
         return Err(wrong("data_type", "float32".into(), array.data_type.name().into()));
     }
@@ -278,17 +286,10 @@ fn understand(folder: &Path, array: &Array) -> Result<(Tiling, Pipeline), Error>
 
 /// The ledger, one record for each tile in order; `None` where there is none.
 fn read_ledger(array: &Path, tiling: &Tiling) -> Result<Option<Ledger<Facts>>, Error> {
-    let path = array.join(LEDGER);
+    let (path, tiles) = (array.join(LEDGER), tiling.tiles.count());
     let damaged = |what: String| Error::Ledger { path: path.clone(), what };
-    let file = match File::open(&path) {
-        Ok(file) => file,
-        Err(e) if e.kind() == io::ErrorKind::NotFound => return Ok(None),
-        Err(e) => return Err(Error::io(&path)(e)),
-    };
-    let tiles = tiling.tiles();
-    let ledger: Ledger<Facts> =
-        ledger::read(&mut io::BufReader::new(file), tiles).map_err(|e| damaged(e.to_string()))?;
-    let shape = [tiling.timesteps, tiling.rows, tiling.columns];
+    let Some(ledger) = Facts::ledger(&path, tiles)? else { return Ok(None) };
+    let shape = tiling.shape();
     if ledger.facts.shape != shape {
         return Err(damaged(format!("expected shape {shape:?}, found {:?}", ledger.facts.shape)));
     }

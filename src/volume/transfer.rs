@@ -1,3 +1,8 @@
+//! Volumes from and to NumPy's `.npy`, in bounded memory.
+//!
+//! The two lie across each other: `.npy` slice by slice, a volume tile by tile. An import reads one row of
+//! tiles of each slice, which lies in one piece, for some tiles and 16 timesteps at a time.
+
 use std::collections::BTreeMap;
 use std::fs::File;
 use std::ops::Range;
@@ -80,12 +85,13 @@ pub fn import_npy(
     let provenance = provenance(source.path())?;
     let axis = Axis::Segments(numbers);
     let writer = Writer::open(out, axis, columns, rows, quantity, &provenance)?;
-    progress.begin("importing", writer.tiling().tiles() as u64, "tiles");
+    progress.begin("importing", writer.tiling().tiles.count() as u64, "tiles");
     progress.advance(writer.done() as u64);
-    let missing: Vec<usize> =
-        (0..writer.tiling().tiles()).filter(|&n| !writer.has(writer.tiling().rect(n))).collect();
+    let missing: Vec<usize> = (0..writer.tiling().tiles.count())
+        .filter(|&n| !writer.has(writer.tiling().tiles.rect(n)))
+        .collect();
     // One row of tiles at a time, so that what is read of a slice lies in one piece.
-    let across = writer.tiling().across();
+    let across = writer.tiling().tiles.across();
     for row in missing.chunk_by(|a, b| a / across == b / across) {
         for numbers in row.chunks(SHARDS_AT_A_TIME) {
             import_tiles(reader, source.path(), &writer, numbers, progress)?;
@@ -130,7 +136,7 @@ fn import_tiles(
         .iter()
         .map(|&number| {
             Ok(Column {
-                tile: tiling.rect(number),
+                tile: tiling.tiles.rect(number),
                 shard: writer.shard(number),
                 encoder: Encoder::new().map_err(Error::zarr(path))?,
                 plain: vec![0; CHUNK_BYTES],
@@ -141,19 +147,20 @@ fn import_tiles(
     let Some((row, rows)) = tiles.first().map(|t| (t.tile.row, t.tile.rows)) else {
         return Ok(());
     };
-    let pixels = (tiling.rows * tiling.columns) as u64;
-    let mut band = vec![0.0f32; CHUNK_TIMESTEPS * rows * tiling.columns];
+    let pixels = (tiling.tiles.rows * tiling.tiles.columns) as u64;
+    let mut band = vec![0.0f32; CHUNK_TIMESTEPS * rows * tiling.tiles.columns];
     for chunk in 0..tiling.chunks() {
         progress.check()?;
-        let (first, last) = tiling.chunk_timesteps(chunk);
-        let slices = band.chunks_mut(rows * tiling.columns);
-        for (timestep, slice) in (first..last).zip(slices) {
-            let at = timestep as u64 * pixels + (row * tiling.columns) as u64;
+        let timesteps = tiling.chunk_timesteps(chunk);
+        let count = timesteps.len();
+        let slices = band.chunks_mut(rows * tiling.tiles.columns);
+        for (timestep, slice) in timesteps.zip(slices) {
+            let at = timestep as u64 * pixels + (row * tiling.tiles.columns) as u64;
             reader.read_at(at, slice).map_err(Error::npy(path))?;
         }
         tiles
             .par_iter_mut()
-            .try_for_each(|column| column.take(chunk, last - first, &band, tiling.columns))?;
+            .try_for_each(|column| column.take(chunk, count, &band, tiling.tiles.columns))?;
     }
     for column in tiles {
         writer.keep(column.shard, column.nonzero)?;

@@ -1,3 +1,10 @@
+//! A volume written tile by tile, so that a killed run loses no tile that was finished.
+//!
+//! A tile is sealed as one shard, then noted in the growing ledger: 32 bytes with the shard's length
+//! and the checksum of its index. Whoever goes on reads the ledger and believes a record only if its shard
+//! is there as it says. Zarr's metadata come last of all: without them the folder is no Zarr group, and
+//! nobody takes half a year for a whole one.
+
 use std::fs::{self, File, TryLockError};
 use std::io::{self, BufWriter, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
@@ -11,10 +18,12 @@ use serde_json::Value;
 
 use super::Error;
 use super::axis::{Axis, TimeAxis};
+use super::document;
+use super::fault::Wrong;
 use super::layout::{ARRAY, CHUNK_BYTES, CHUNK_TIMESTEPS, Facts, GROWING, LEDGER, Tiling};
 use crate::base::Irradiance;
 use crate::base::limits::TILE_EDGE;
-use crate::base::{Provenance, SeriesEntry, SinkError, TileRect, TileSink, Timeline};
+use crate::base::{Provenance, SeriesEntry, SinkError, TileRect, TileSink, Timeline, checked_tile};
 
 /// Writes a volume tile by tile, from many threads, in any order; the bytes don't depend on it.
 /// A tile that was put stays when the program is killed: the next writer of the same volume goes
@@ -59,13 +68,13 @@ pub struct Summary {
 
 impl Summary {
     pub(super) fn new<'a>(tiling: &Tiling, records: impl Iterator<Item = &'a Record>) -> Self {
-        let voxels = (tiling.rows * tiling.columns) as u64 * tiling.timesteps as u64;
+        let voxels: u64 = tiling.shape().iter().map(|&n| n as u64).product();
         let mut out = Self {
             bytes: 0,
             nonzero: 0,
-            tiles: tiling.tiles(),
+            tiles: tiling.tiles.count(),
             empty_tiles: 0,
-            chunks: tiling.tiles() as u64 * tiling.chunks() as u64,
+            chunks: tiling.tiles.count() as u64 * tiling.chunks() as u64,
             lit_chunks: 0,
             dense_bytes: voxels * 4,
         };
@@ -105,9 +114,7 @@ impl Writer {
         quantity: Irradiance,
         provenance: &Provenance,
     ) -> Result<Self, Error> {
-        Tiling { timesteps: axis.len(), rows, columns }
-            .bounded()
-            .map_err(|(what, expected, found)| Error::Shape { what, expected, found })?;
+        Tiling::new([axis.len(), rows, columns]).bounded()?;
         let facts = Facts::new(&axis, columns, rows, quantity, provenance);
         let tiling = facts.tiling();
         let array = path.join(ARRAY);
@@ -118,15 +125,15 @@ impl Writer {
         }
         fs::create_dir_all(&array).map_err(Error::io(&array))?;
         let (journal, appended) = open_journal(path, &array, &facts, sealed.is_some())?;
-        let mut records = vec![None; tiling.tiles()];
-        for record in sealed.unwrap_or_default().into_iter().chain(appended) {
+        let mut records = vec![None; tiling.tiles.count()];
+        for record in sealed.map(|l| l.records).into_iter().flatten().chain(appended) {
             let known = usize::try_from(record.tile).ok().and_then(|n| records.get_mut(n));
             if let Some(known) = known.filter(|_| is_there(&array, &tiling, &record)) {
                 *known = Some(record);
             }
         }
         axis.write(path)?;
-        for row in 0..tiling.down() {
+        for row in 0..tiling.tiles.down() {
             let folder = array.join("c").join("0").join(row.to_string());
             fs::create_dir_all(&folder).map_err(Error::io(&folder))?;
         }
@@ -168,7 +175,7 @@ impl Writer {
     }
 
     fn write_tile(&self, number: usize, entries: &[SeriesEntry]) -> Result<(), Error> {
-        let tile = self.tiling.rect(number);
+        let tile = self.tiling.tiles.rect(number);
         let mut shard = self.shard(number);
         let mut encoder = Encoder::new().map_err(Error::zarr(&shard.path))?;
         let mut plain = vec![0u8; CHUNK_BYTES];
@@ -200,7 +207,7 @@ impl Writer {
     /// [`Error::MissingTiles`]; what the file system says.
     pub fn finish(self) -> Result<Summary, Error> {
         let records: Vec<Record> = self.state().records.iter().flatten().copied().collect();
-        let tiles = self.tiling.tiles();
+        let tiles = self.tiling.tiles.count();
         if records.len() != tiles {
             let missing = tiles - records.len();
             return Err(Error::MissingTiles { path: self.path.clone(), missing, tiles });
@@ -208,17 +215,17 @@ impl Writer {
         let array = self.facts.array(&self.axis);
         let coordinates = self.axis.arrays();
         let mut members: Vec<(&str, &metadata::Array)> =
-            coordinates.iter().map(|(name, array, _)| (*name, array)).collect();
+            coordinates.iter().map(|c| (c.name, &c.array)).collect();
         members.push((ARRAY, &array));
         for (name, array) in &members {
-            write_document(&self.path.join(name).join("zarr.json"), &array.to_json())?;
+            document::write(&self.path.join(name).join(document::NAME), &array.to_json())?;
         }
         let ledger = self.array.join(LEDGER);
         seal::write(&ledger, |out| ledger::write(out, &self.facts, &records))
             .map_err(Error::io(&ledger))?;
         let attributes = self.facts.attributes(&self.axis);
         let group = metadata::group(&attributes, &members);
-        write_document(&self.path.join("zarr.json"), &group)?;
+        document::write(&self.path.join(document::NAME), &group)?;
         let growing = self.array.join(GROWING);
         fs::remove_file(&growing).map_err(Error::io(&growing))?;
         Ok(Summary::new(&self.tiling, records.iter()))
@@ -227,34 +234,16 @@ impl Writer {
 
 impl TileSink for Writer {
     fn has(&self, tile: TileRect) -> bool {
-        self.tiling.number(tile).is_some_and(|n| self.state().records[n].is_some())
+        self.tiling.tiles.number(tile).is_some_and(|n| self.state().records[n].is_some())
     }
 
     fn put(&self, tile: TileRect, entries: &[SeriesEntry]) -> Result<(), SinkError> {
-        let wrong = |what: String| SinkError::Io(io::Error::new(io::ErrorKind::InvalidInput, what));
-        let number = self.tiling.number(tile).ok_or_else(|| {
-            wrong(format!("expected a tile of {} x {TILE_EDGE} pixels, found {tile:?}", TILE_EDGE))
-        })?;
-        let outside = |e: &&SeriesEntry| {
-            e.timestep as usize >= self.tiling.timesteps || e.pixel as usize >= tile.pixels()
-        };
-        if let Some(entry) = entries.iter().find(outside) {
-            let timesteps = self.tiling.timesteps;
-            return Err(wrong(format!("{entry:?} lies outside {tile:?} of {timesteps} timesteps")));
-        }
-        let key = |e: &SeriesEntry| (e.timestep, e.pixel);
-        if let Some(pair) = entries.windows(2).find(|pair| key(&pair[0]) >= key(&pair[1])) {
-            return Err(wrong(format!("entries out of order: {:?}, then {:?}", pair[0], pair[1])));
-        }
+        let number = checked_tile(&self.tiling.tiles, &(0..self.tiling.timesteps), tile, entries)?;
         self.write_tile(number, entries).map_err(|error| match error {
-            Error::Io { path, source } => SinkError::Io(io::Error::new(
-                source.kind(),
-                format!("{}: {source}", path.display()),
-            )),
-            Error::Zarr { path, source: zarr::Error::Io(source) } => SinkError::Io(io::Error::new(
-                source.kind(),
-                format!("{}: {source}", path.display()),
-            )),
+            Error::Io { path, source } | Error::Zarr { path, source: zarr::Error::Io(source) } => {
+                let what = format!("{}: {source}", path.display());
+                SinkError::Io(io::Error::new(source.kind(), what))
+            }
             Error::Interrupted(stop) => SinkError::Interrupted(stop),
             other => SinkError::Io(io::Error::other(other)),
         })
@@ -361,24 +350,13 @@ fn is_there(array: &Path, tiling: &Tiling, record: &Record) -> bool {
     }
 }
 
-/// The records of a ledger that was made from `facts`; `None` where there is no ledger.
-fn load(path: &Path, facts: &Facts, volume: &Path) -> Result<Option<Vec<Record>>, Error> {
-    match File::open(path) {
-        Ok(file) => read(file, path, facts, volume).map(|ledger| Some(ledger.records)),
-        Err(e) if matches!(e.kind(), io::ErrorKind::NotFound | io::ErrorKind::NotADirectory) => {
-            Ok(None)
-        }
-        Err(e) => Err(Error::io(path)(e)),
-    }
-}
-
-fn read(file: File, path: &Path, facts: &Facts, volume: &Path) -> Result<Ledger<Facts>, Error> {
+/// The ledger at `path`, finished or growing, if it was made from `facts`; `None` where there is none.
+fn load(path: &Path, facts: &Facts, volume: &Path) -> Result<Option<Ledger<Facts>>, Error> {
     // A tile may be put several times; a journal that is far longer than that isn't ours.
-    let most = facts.tiling().tiles().saturating_mul(8).saturating_add(1 << 16);
-    let ledger: Ledger<Facts> = ledger::read(&mut io::BufReader::new(file), most)
-        .map_err(|e| Error::Ledger { path: path.to_owned(), what: e.to_string() })?;
-    match facts.difference(&ledger.facts) {
-        Some((what, expected, found)) => {
+    let most = facts.tiling().tiles.count().saturating_mul(8).saturating_add(1 << 16);
+    let ledger = Facts::ledger(path, most)?;
+    match ledger.as_ref().and_then(|ledger| facts.difference(&ledger.facts)) {
+        Some(Wrong { what, expected, found }) => {
             Err(Error::Different { path: volume.to_owned(), what, expected, found })
         }
         None => Ok(ledger),
@@ -416,17 +394,11 @@ fn open_journal(
         file.sync_all().map_err(&io)?;
         Vec::new()
     } else {
-        let copy = file.try_clone().map_err(&io)?;
-        let ledger = read(copy, &path, facts, volume)?;
+        let lost = || io(io::ErrorKind::NotFound.into());
+        let ledger = load(&path, facts, volume)?.ok_or_else(lost)?;
         file.set_len(ledger.good_bytes).map_err(&io)?;
         ledger.records
     };
     file.seek(SeekFrom::End(0)).map_err(&io)?;
     Ok((file, records))
-}
-
-fn write_document(path: &Path, document: &Value) -> Result<(), Error> {
-    let mut text = format!("{document:#}");
-    text.push('\n');
-    seal::write_bytes(path, text.as_bytes()).map_err(Error::io(path))
 }

@@ -307,7 +307,7 @@ fn a_full_disk_is_said_and_loses_nothing() {
     assert_eq!(std::fs::read(&path).expect("reads"), sound);
     assert!(!growing.exists());
 
-    // So are the buckets.
+    // So are the partitions.
     let names: Vec<_> = std::fs::read_dir(&at)
         .expect("lists")
         .map(|e| e.expect("an entry").file_name())
@@ -331,25 +331,25 @@ fn a_full_disk_is_said_and_loses_nothing() {
 }
 
 #[test]
-fn buckets_that_changed_are_noticed() {
+fn partitions_that_changed_are_noticed() {
     let dir = tempfile::tempdir().expect("a folder");
     let at = spill(dir.path());
     let path = dir.path().join("photons.gmp");
-    let mut buckets: Vec<PathBuf> = std::fs::read_dir(&at)
+    let mut partitions: Vec<PathBuf> = std::fs::read_dir(&at)
         .expect("lists")
         .map(|e| e.expect("an entry").path())
         .filter(|p| p.extension().is_some_and(|e| e == "photons"))
         .collect();
-    buckets.sort();
-    let sound = std::fs::read(&buckets[3]).expect("reads");
+    partitions.sort();
+    let sound = std::fs::read(&partitions[3]).expect("reads");
     let mut flipped = sound.clone();
     flipped[9] ^= 4;
     for broken in [&flipped[..], &sound[1..], &[]] {
-        std::fs::write(&buckets[3], broken).expect("writes");
+        std::fs::write(&partitions[3], broken).expect("writes");
         let error = pages::build(&at, &path, &about(), 1 << 26, &Silent).expect_err("a change");
         assert_eq!(error.kind(), FaultKind::Damaged, "{error}");
     }
-    std::fs::remove_file(&buckets[3]).expect("removes");
+    std::fs::remove_file(&partitions[3]).expect("removes");
     let error = pages::build(&at, &path, &about(), 1 << 26, &Silent).expect_err("a missing file");
     assert_eq!(error.kind(), FaultKind::Damaged, "{error}");
     assert!(!path.exists());

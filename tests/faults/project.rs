@@ -69,6 +69,87 @@ fn a_mistake_in_set_is_not_blamed_on_a_line_of_the_file() {
     assert!(!said.err.contains("project.toml:4"), "{}", said.err);
 }
 
+/// Eight mistakes of different kinds, each with its line and column, told at once: of TOML's
+/// types, misspelt keys and words, numbers out of range, names that lead nowhere, files.
+#[test]
+fn all_mistakes_are_told_at_once_with_their_places() {
+    let (_keep, folder) = project("tiny");
+    let file = folder.join("project.toml");
+    let mut text = fs::read_to_string(&file).expect("reads");
+    let mut expected = Vec::new();
+    for (from, to, at, words) in [
+        ("latitude = 47.038", "latitude = 97.038", "97.038", "-90 to 90 degrees north"),
+        ("meridian = 15.0", "meridian = \"east\"", "\"east\"", "expected a number"),
+        ("\"scene.rad\"", "\"scene.rad\", \"gone.rad\"", "[\"scene.rad\"", "gone.rad"),
+        ("sun = \"gensky-2018\"", "sun = \"moon\"", "\"moon\"", "\"spa\""),
+        ("material = \"tile\"", "material = \"tiles\"", "\"tiles\"", "there are: standard, tile"),
+        ("stored =", "storred =", "storred", "did you mean `stored`"),
+        ("bandwidth = 50", "bandwidth = 1", "1\nseries", "expected 2 to"),
+        ("object = \"wall\"", "object = \"wall\"\nview = \"pan\"", "[[region]]", "without `view`"),
+        ("class = \"outdoor\"", "class = \"outdor\"", "\"outdor\"", "\"outdoor\""),
+        ("connectivity = 6", "connectivity = 7", "7\nrules", "6, 18 or 26"),
+    ] {
+        assert!(text.contains(from), "the tiny project has no `{from}`");
+        text = text.replacen(from, to, 1);
+        expected.push((at, words));
+    }
+    fs::write(&file, &text).expect("writes");
+    let path = folder.to_str().expect("a plain path");
+    let said = say(&["run", path, "--quiet"]);
+    assert_eq!(said.code, 2, "{}", said.err);
+    let place = |at: &str| {
+        let before = &text[..text.find(at).expect("is there")];
+        let line_start = before.rfind('\n').map_or(0, |i| i + 1);
+        (before.matches('\n').count() + 1, before[line_start..].chars().count() + 1)
+    };
+    for (at, words) in &expected {
+        let (line, column) = place(at);
+        let start = format!("project.toml:{line}:{column}: ");
+        let found = said.err.lines().any(|l| l.contains(&start) && l.contains(words));
+        assert!(found, "{start}…{words}: {}", said.err);
+    }
+    assert_eq!(said.err.lines().count(), expected.len(), "{}", said.err);
+
+    let said = say(&["run", path, "--quiet", "--json"]);
+    let line: serde_json::Value = serde_json::from_str(said.err.trim()).expect("one line of JSON");
+    let list = line["mistakes"].as_array().expect("a list");
+    assert_eq!(list.len(), expected.len(), "{line}");
+    for (at, words) in &expected {
+        let (row, column) = place(at);
+        let found = |m: &serde_json::Value| {
+            m["line"] == row
+                && m["column"] == column
+                && m["message"].to_string().contains(words.replace('"', "\\\"").as_str())
+        };
+        assert!(list.iter().any(found), "{row}:{column} {words}: {line}");
+    }
+}
+
+#[test]
+fn a_mistake_names_the_assignment_that_makes_it() {
+    let (_keep, folder) = project("tiny");
+    let path = folder.to_str().expect("a plain path");
+    for (set, words) in [
+        ("time.sun=\"moon\"", "\"spa\""),
+        ("view.plan.size=[0, 5]", "0 x 5"),
+        ("site.latitude=95", "-90 to 90"),
+        ("view.pan.size=[5, 5]", "there are: plan"),
+    ] {
+        let said = say(&["run", path, "--quiet", "--set", set]);
+        assert_eq!(said.code, 2, "{}", said.err);
+        let start = format!("with --set {set}: ");
+        assert!(said.err.contains(&start) && said.err.contains(words), "{set}: {}", said.err);
+    }
+    // What the file itself has wrong keeps its line.
+    let file = folder.join("project.toml");
+    let text = fs::read_to_string(&file).expect("reads");
+    fs::write(&file, text.replace("bounces = 1", "bounces = 2")).expect("writes");
+    let said = say(&["run", path, "--quiet", "--set", "site.latitude=95"]);
+    let lines: Vec<&str> = said.err.lines().collect();
+    assert!(lines.len() == 2 && lines[0].contains("with --set"), "{}", said.err);
+    assert!(lines[1].contains("project.toml:") && lines[1].contains("bounces"), "{}", said.err);
+}
+
 #[test]
 fn a_name_that_is_taken_by_a_file_is_the_commands_mistake() {
     let keep = tempfile::tempdir().expect("a temporary folder");

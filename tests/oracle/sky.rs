@@ -5,7 +5,7 @@ use std::process::Command;
 use glam::DVec3;
 use glintmap::base::{SpectralBasis, Timeline};
 use glintmap::sky::{
-    self, DayRange, Error, HourRange, Irradiance, Place, SunModel, TimeSpec, altitude_azimuth_deg,
+    self, DayRange, Error, HourRange, Place, SunModel, SunStrength, TimeSpec, altitude_azimuth_deg,
     sun_direction, timeline,
 };
 
@@ -35,7 +35,7 @@ fn whole_year(year: i32, day_step: u32) -> TimeSpec {
         hours: HourRange { from: 0.0, to: 23.75, step: 0.25 },
         finer: Vec::new(),
         sun: SunModel::Spa,
-        irradiance: Irradiance::ClearSky,
+        irradiance: SunStrength::ClearSky,
         half_year: false,
     }
 }
@@ -132,12 +132,12 @@ fn impossible_times_and_places_are_named() {
         assert_eq!(timeline(&CHURCH, &spec), Err(Error::Year(bad)));
     }
     for bad in [0.0, -1.0, f64::NAN, f64::INFINITY] {
-        let spec = TimeSpec { irradiance: Irradiance::Constant(bad), ..spec.clone() };
+        let spec = TimeSpec { irradiance: SunStrength::Constant(bad), ..spec.clone() };
         assert!(matches!(timeline(&CHURCH, &spec), Err(Error::Irradiance { .. })));
     }
     let mut linke = [3.0; 12];
     linke[4] = 0.5;
-    let spec = TimeSpec { irradiance: Irradiance::Ineichen { linke }, ..spec };
+    let spec = TimeSpec { irradiance: SunStrength::Ineichen { linke }, ..spec };
     assert!(matches!(timeline(&CHURCH, &spec), Err(Error::Irradiance { .. })));
 }
 
@@ -265,7 +265,7 @@ fn the_clear_sky_is_pvlibs() {
             hours: HourRange { from: hour, to: hour, step: 1.0 },
             finer: Vec::new(),
             sun: SunModel::Spa,
-            irradiance: Irradiance::Ineichen { linke: [linke; 12] },
+            irradiance: SunStrength::Ineichen { linke: [linke; 12] },
             half_year: false,
         };
         let found = timeline(&place, &spec).unwrap();
@@ -274,7 +274,7 @@ fn the_clear_sky_is_pvlibs() {
         assert!((step.irradiance_w_m2 / dni - 1.0).abs() < 5e-5, "{row:?}: {step:?}");
         assert_eq!((found.basis, found.sun_diameter_deg), (SpectralBasis::Broadband, 0.533));
         if linke == 3.0 {
-            spec.irradiance = Irradiance::ClearSky;
+            spec.irradiance = SunStrength::ClearSky;
             assert_eq!(timeline(&place, &spec).unwrap().steps[0], step);
         }
     }
@@ -282,7 +282,7 @@ fn the_clear_sky_is_pvlibs() {
 
 #[test]
 fn constant_suns_are_constant() {
-    let spec = TimeSpec { irradiance: Irradiance::Constant(1000.0), ..table_3(SunModel::Spa) };
+    let spec = TimeSpec { irradiance: SunStrength::Constant(1000.0), ..table_3(SunModel::Spa) };
     let found = timeline(&CHURCH, &spec).unwrap();
     assert!(found.steps.iter().all(|s| s.irradiance_w_m2 == 1000.0));
     assert_eq!(found.basis, SpectralBasis::Broadband);

@@ -1,7 +1,7 @@
 //! Weather at instants keeps what each hour holds.
 
 use glintmap::sky::{
-    DayRange, HourRange, Irradiance, Place, SunModel, TimeSpec, Weather, timeline,
+    DayRange, HourRange, Place, SunModel, SunStrength, TimeSpec, Weather, timeline,
 };
 
 use crate::support;
@@ -23,7 +23,7 @@ const HERE: Place =
 
 fn days(year: i32, from: u32, to: u32, hours: HourRange, weather: Weather) -> TimeSpec {
     let days = DayRange { from, to, step: 1 };
-    let irradiance = Irradiance::Epw(weather);
+    let irradiance = SunStrength::Epw(weather);
     TimeSpec {
         year,
         days,
@@ -139,7 +139,7 @@ fn an_hours_mean_is_kept_whatever_the_step() {
         hours: HourRange { from: 1.0 / 120.0, to: 23.99, step: 1.0 / 60.0 },
         finer: Vec::new(),
         sun: SunModel::Spa,
-        irradiance: Irradiance::Epw(weather),
+        irradiance: SunStrength::Epw(weather),
         half_year: false,
     };
     let fine = timeline(&place, &spec).expect("a day");

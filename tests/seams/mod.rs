@@ -3,6 +3,7 @@
 mod determinism;
 mod fused;
 mod house;
+mod keys;
 mod maps;
 mod memory;
 mod photons;

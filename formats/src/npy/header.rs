@@ -1,3 +1,6 @@
+//! The header of an `.npy` file: a Python literal, of which only what NumPy itself writes is
+//! understood, and everything else is refused with its place.
+
 use std::io::{self, Read};
 
 use super::{Error, Value};

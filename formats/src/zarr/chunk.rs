@@ -1,8 +1,21 @@
 //! One chunk: `bytes` (little-endian), `zstd`, `crc32c`.
 
 use super::Error;
-use super::metadata::Pipeline;
 use crate::checksum::crc32c;
+
+/// What follows on the `bytes` codec.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Pipeline {
+    /// Compressed by zstd.
+    pub zstd: bool,
+    /// Followed by a checksum.
+    pub crc32c: bool,
+}
+
+impl Pipeline {
+    /// What we write.
+    pub const OURS: Self = Self { zstd: true, crc32c: true };
+}
 
 /// The zstd level of everything that is written: sparse smooth floats gain little from more.
 pub const ZSTD_LEVEL: i32 = 1;

@@ -1,9 +1,13 @@
 //! `zarr.json` of arrays and groups.
+//!
+//! Of Zarr v3 (<https://zarr-specs.readthedocs.io/en/latest/v3/core/>) the part is read that volumes
+//! need: regular grids, the codecs `bytes`, `zstd` and `crc32c`, shards. Whatever else a document says is refused
+//! with the name of the field, never read as something that it isn't.
 
 use serde_json::{Map, Value, json};
 
 use super::Error;
-use super::chunk::ZSTD_LEVEL;
+use super::chunk::{Pipeline, ZSTD_LEVEL};
 
 /// Bytes of a `zarr.json` that are read.
 pub const MAX_DOCUMENT_BYTES: u64 = 16 << 20;
@@ -37,20 +41,6 @@ impl DataType {
             Self::Float32 | Self::Float64 => json!(0.0),
         }
     }
-}
-
-/// What follows on the `bytes` codec.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Pipeline {
-    /// Compressed by zstd.
-    pub zstd: bool,
-    /// Followed by a checksum.
-    pub crc32c: bool,
-}
-
-impl Pipeline {
-    /// What we write.
-    pub const OURS: Self = Self { zstd: true, crc32c: true };
 }
 
 /// What an array's `zarr.json` says.

@@ -152,3 +152,17 @@ impl Labelled {
         bounds.map_or(0..0, |(start, end)| start..end)
     }
 }
+
+/// What a tree of numbers has at its root, given any of its numbers; what is looked up is nearer to
+/// the root the next time.
+pub(in crate::glare) fn find(parents: &mut [u32], mut at: u32) -> u32 {
+    loop {
+        let parent = parents[at as usize];
+        if parent == at {
+            return at;
+        }
+        let above = parents[parent as usize];
+        parents[at as usize] = above;
+        at = above;
+    }
+}

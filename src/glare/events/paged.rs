@@ -4,6 +4,7 @@ use std::io;
 use std::path::PathBuf;
 
 use super::event::Growing;
+use super::label::find;
 use crate::base::{ExternalSort, Record};
 
 /// Counts of events at pixels that had no room in memory, on disk until their segment ends. Events
@@ -68,19 +69,10 @@ impl Paged {
     /// The serial number of two events that are one.
     pub fn join(&mut self, a: Option<u32>, b: Option<u32>) -> Option<u32> {
         if let (Some(a), Some(b)) = (a, b) {
-            let (a, b) = (self.find(a), self.find(b));
+            let (a, b) = (find(&mut self.parents, a), find(&mut self.parents, b));
             self.parents[b as usize] = a;
         }
         a.or(b)
-    }
-
-    fn find(&mut self, mut serial: u32) -> u32 {
-        while self.parents[serial as usize] != serial {
-            let above = self.parents[self.parents[serial as usize] as usize];
-            self.parents[serial as usize] = above;
-            serial = above;
-        }
-        serial
     }
 
     /// An event has `count` timesteps at a pixel, besides others that may be here.
@@ -90,7 +82,7 @@ impl Paged {
 
     /// An event with a serial number is over.
     pub fn end(&mut self, serial: u32, event: Growing) {
-        let root = self.find(serial);
+        let root = find(&mut self.parents, serial);
         self.over.insert(root, event);
     }
 
@@ -107,7 +99,7 @@ impl Paged {
         }
         // Every number points at the one that its event goes by.
         for serial in 0..self.parents.len() as u32 {
-            self.parents[serial as usize] = self.find(serial);
+            self.parents[serial as usize] = find(&mut self.parents, serial);
         }
         let Self { counts, over, parents } = self;
         counts.sort();

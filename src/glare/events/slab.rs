@@ -21,6 +21,7 @@ use std::ops::Range;
 
 use super::counts::StripCounts;
 use super::event::{Event, Growing};
+use super::label::find;
 use super::threshold::{RowRun, Span, touching};
 use crate::glare::filter::part::Part;
 use crate::glare::settings::Connectivity;
@@ -378,17 +379,4 @@ fn enter(latest: &mut ColumnStay, group: u32, earlier: &mut Vec<ColumnStay>) {
         latest.before = number;
     }
     (latest.group, latest.count) = (group, 1);
-}
-
-/// The lowest number of a group, given any; what is looked up is nearer to it the next time.
-fn find(parents: &mut [u32], mut at: u32) -> u32 {
-    loop {
-        let parent = parents[at as usize];
-        if parent == at {
-            return at;
-        }
-        let above = parents[parent as usize];
-        parents[at as usize] = above;
-        at = above;
-    }
 }

@@ -5,7 +5,7 @@ use std::sync::Mutex;
 
 use super::maps::{Clock, Pixels, TILE, TileMaps, YearMap, YearRows, hand_on};
 use crate::base::limits::TILE_EDGE;
-use crate::base::{SeriesEntry, SinkError, TileRect, TileSink, tiles};
+use crate::base::{SeriesEntry, SinkError, TileRect, TileSink, Tiles, checked_tile};
 use crate::glare::error::Error;
 use crate::glare::settings::comparable;
 use crate::volume::TimeAxis;
@@ -17,8 +17,7 @@ pub struct YearTiles<'a> {
     threshold: f32,
     clock: Clock<'a>,
     maps: Vec<YearMap>,
-    tiles: Vec<TileRect>,
-    columns: usize,
+    tiles: Tiles,
     found: Mutex<File>,
 }
 
@@ -36,9 +35,9 @@ impl<'a> YearTiles<'a> {
         spill: &Path,
     ) -> Result<Self, Error> {
         let (clock, threshold) = (Clock::new(axis, clock_h)?, comparable(threshold_w_m2)?);
-        let tiles = tiles(columns, rows, TILE_EDGE);
+        let tiles = Tiles { columns, rows, edge: TILE_EDGE };
         let found = Mutex::new(tempfile::tempfile_in(spill).map_err(Error::Maps)?);
-        Ok(Self { threshold, clock, maps: YearMap::all(axis), tiles, columns, found })
+        Ok(Self { threshold, clock, maps: YearMap::all(axis), tiles, found })
     }
 
     /// Hands on the maps, as [`year`](super::maps::year) does. Tiles that were never put are dark.
@@ -49,19 +48,20 @@ impl<'a> YearTiles<'a> {
         let mut file = self.found.into_inner().unwrap_or_else(std::sync::PoisonError::into_inner);
         let block = self.maps.len() * TILE * 4;
         // Tiles at the end that were never put make it longer: zeros.
-        file.set_len((block * self.tiles.len()) as u64).map_err(Error::Maps)?;
-        let across = self.columns.div_ceil(TILE_EDGE).max(1);
+        file.set_len((block * self.tiles.count()) as u64).map_err(Error::Maps)?;
+        file.rewind().map_err(Error::Maps)?;
         let mut bytes = vec![0u8; block];
-        for (number, row) in self.tiles.chunks(across).enumerate() {
-            file.seek(SeekFrom::Start((number * across * block) as u64)).map_err(Error::Maps)?;
-            let mut read = |tile: &TileRect| {
-                file.read_exact(&mut bytes)?;
-                let values = bytes.as_chunks::<4>().0.iter().map(|b| f32::from_le_bytes(*b));
-                Ok(TileMaps { tile: *tile, values: values.collect() })
-            };
-            let found: Vec<TileMaps> =
-                row.iter().map(&mut read).collect::<io::Result<_>>().map_err(Error::Maps)?;
-            hand_on(&self.maps, &found, self.columns, &mut *rows)?;
+        let mut read = |number: usize| {
+            file.read_exact(&mut bytes)?;
+            let values = bytes.as_chunks::<4>().0.iter().map(|b| f32::from_le_bytes(*b));
+            Ok(TileMaps { tile: self.tiles.rect(number), values: values.collect() })
+        };
+        let across = self.tiles.across();
+        for row in 0..self.tiles.down() {
+            let found: io::Result<Vec<TileMaps>> =
+                (row * across..(row + 1) * across).map(&mut read).collect();
+            let found = found.map_err(Error::Maps)?;
+            hand_on(&self.maps, &found, self.tiles.columns, &mut *rows)?;
         }
         Ok(())
     }
@@ -73,18 +73,12 @@ impl TileSink for YearTiles<'_> {
     }
 
     fn put(&self, tile: TileRect, entries: &[SeriesEntry]) -> Result<(), SinkError> {
-        let wrong = |what: String| SinkError::Io(io::Error::new(io::ErrorKind::InvalidInput, what));
-        let Some(number) = self.tiles.iter().position(|t| *t == tile) else {
-            return Err(wrong(format!("{tile:?} is no tile of the picture")));
-        };
+        let number = checked_tile(&self.tiles, &(0..self.clock.timesteps()), tile, entries)?;
         let mut pixels = Pixels::new(self.threshold, &self.clock);
         for e in entries {
-            let (timestep, pixel) = (e.timestep as usize, usize::from(e.pixel));
-            if timestep >= self.clock.timesteps() || pixel >= tile.pixels() {
-                return Err(wrong(format!("{e:?} lies outside {tile:?} or the year")));
-            }
+            let pixel = usize::from(e.pixel);
             let place = pixel / tile.columns * TILE_EDGE + pixel % tile.columns;
-            pixels.one(place, timestep, e.irradiance_w_m2);
+            pixels.one(place, e.timestep as usize, e.irradiance_w_m2);
         }
         let values = pixels.finish(&self.maps);
         let bytes: Vec<u8> = values.iter().flat_map(|v| v.to_le_bytes()).collect();

@@ -35,7 +35,7 @@ impl Progress for Stop {
     }
 }
 
-/// Many small batches: buckets are parted again, runs are merged.
+/// Many small batches: partitions are partitioned again, parts are merged.
 const SMALL: Size = Size { page_photons: 100, batch_photons: 1200, ..PLAIN };
 /// With a note after each.
 const NOTED: Size = Size { checkpoint_every: Duration::ZERO, ..SMALL };

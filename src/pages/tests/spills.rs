@@ -1,22 +1,22 @@
 //! Photons on their way to the store: interrupted, resumed, joined.
 
 use super::*;
-use crate::pages::bucket::Bucket;
 use crate::pages::packed::Packed;
+use crate::pages::partition::Partition;
 
-/// The photons of each bucket, in their order.
+/// The photons of each partition, in their order.
 fn content(spill: &Path) -> Vec<(u64, Vec<Packed>)> {
     let summary = SpillSummary::read(spill).expect("complete");
-    let photons = |bucket: &Bucket| {
+    let photons = |partition: &Partition| {
         let mut out = Vec::new();
-        bucket
+        partition
             .read(spill, |p| {
                 out.push(*p);
                 Ok(())
             })
-            .map(|()| (bucket.cell, out))
+            .map(|()| (partition.cell, out))
     };
-    summary.buckets.iter().map(photons).collect::<Result<_, _>>().expect("reads")
+    summary.partitions.iter().map(photons).collect::<Result<_, _>>().expect("reads")
 }
 
 #[test]
@@ -57,7 +57,7 @@ fn a_spill_goes_on_from_its_checkpoint() {
     spill.accept(&all[9000..]).expect("takes");
     spill.finish().expect("completes");
     assert!(content(&cut) == expected);
-    let file = SpillSummary::read(&cut).expect("complete").buckets[0].path(&cut);
+    let file = SpillSummary::read(&cut).expect("complete").partitions[0].path(&cut);
     std::fs::write(file, b"short").expect("writes");
     assert!(resume(BOUNDS, "nine").is_none(), "a file that is too short");
 }

@@ -3,10 +3,10 @@
 use std::collections::BTreeSet;
 
 use super::Reader;
-use crate::project::error::Error;
+use crate::project::places::Key;
 use crate::project::resolve::{Camera, PlannedMoment};
 use crate::project::view_tables::MomentTable;
-use crate::project::views::PlannedView;
+use crate::project::views::{Picture, PlannedView};
 use crate::render::View;
 use crate::sky;
 
@@ -17,35 +17,41 @@ const FISHEYE: [usize; 2] = [1000, 1000];
 
 impl Reader<'_> {
     /// The pictures of luminances; an observer makes two.
-    pub fn moments(&self) -> Result<Vec<PlannedMoment>, Error> {
+    pub fn moments(&self, views: &[PlannedView]) -> Vec<PlannedMoment> {
         let mut out = Vec::new();
         let mut names = BTreeSet::new();
-        for t in &self.project.moment {
-            for moment in self.moment(t)? {
-                self.check_name("[[moment]]", &moment.name)?;
+        for (i, t) in self.project.moment.iter().enumerate() {
+            let key = Key::item("moment", i);
+            for moment in self.moment(i, t, views).unwrap_or_default() {
+                self.check_name(&key.key("name"), &moment.name);
                 if !names.insert(moment.name.clone()) {
                     let what = "the name is taken; give each a `name` of its own";
-                    return Err(self.wrong(format!("[[moment]] \"{}\": {what}", moment.name)));
+                    self.wrong(&key.key("name"), what);
                 }
                 out.push(moment);
             }
         }
-        Ok(out)
+        out
     }
 
-    fn moment(&self, t: &MomentTable) -> Result<Vec<PlannedMoment>, Error> {
-        let wrong = |what: String| {
-            let name = t.name.clone().unwrap_or_else(|| t.time.clone());
-            self.wrong(format!("[[moment]] \"{name}\": {what}"))
-        };
+    fn moment(
+        &self,
+        table: usize,
+        t: &MomentTable,
+        views: &[PlannedView],
+    ) -> Option<Vec<PlannedMoment>> {
+        let key = &Key::item("moment", table);
         let year = self.project.time.year;
-        let day = self.day(&t.date, "moment.date")?;
+        let day = self.day(&t.date, &key.key("date"));
         if day >= sky::days_in_year(year) {
-            return Err(wrong(format!("date: {year} has no day {day}")));
+            self.wrong(&key.key("date"), format!("{year} has no day {day}"));
+            return None;
         }
-        let hour = clock(&t.time).ok_or_else(|| {
-            wrong(format!("time: expected a time such as \"08:30\", found \"{}\"", t.time))
-        })?;
+        let Some(hour) = clock(&t.time) else {
+            let what = format!("expected a time such as \"08:30\", found \"{}\"", t.time);
+            self.wrong(&key.key("time"), what);
+            return None;
+        };
         let (month, date) = sky::date_of_day(year, day);
         let named = |of: &str| {
             t.name.clone().unwrap_or_else(|| {
@@ -53,44 +59,51 @@ impl Reader<'_> {
                 format!("{month:02}-{date:02}-{digits:0>4}-{of}")
             })
         };
-        let planned = |name, camera, size| PlannedMoment { name, day, hour, camera, size };
+        let planned = |name, camera, size| PlannedMoment { table, name, day, hour, camera, size };
         match (&t.view, &t.observer) {
             (Some(view), None) if view.trim_start().starts_with('-') => {
                 let size = t.size.unwrap_or(FISHEYE);
-                View::parse(view, size[0], size[1]).map_err(|e| wrong(format!("view: {e}")))?;
-                Ok(vec![planned(named("view"), Camera::Options(view.clone()), size)])
+                self.said(&key.key("view"), View::parse(view, size[0], size[1]))?;
+                Some(vec![planned(named("view"), Camera::Options(view.clone()), size)])
             }
             (Some(view), None) => {
-                let all = self.views()?;
-                let found = all.iter().find(|v| v.name == *view).and_then(PlannedView::picture);
-                let found = found.ok_or_else(|| {
-                    let known: Vec<_> = all.iter().map(|v| v.name.as_str()).collect();
+                let pictures = self.project.view.iter().filter(|v| v.sensors.is_none());
+                let known: Vec<_> = pictures.map(|v| v.name.as_str()).collect();
+                if !known.contains(&view.as_str()) {
                     let known = known.join(", ");
-                    wrong(format!(
-                        "view: no [[view]] with a picture is named \"{view}\" (there are: {known}), and view options begin with -"
-                    ))
-                })?;
-                let size = t.size.unwrap_or(found.size);
-                found.view.resized(size[0], size[1]).map_err(|e| wrong(format!("size: {e}")))?;
-                Ok(vec![planned(named(view), Camera::Options(found.options.clone()), size)])
+                    self.wrong(&key.key("view"), format!("no [[view]] with a picture is named \"{view}\" (there are: {known}), and view options begin with -"));
+                }
+                // One that is wrong itself is told of elsewhere.
+                let Picture { options, size, view: camera } =
+                    views.iter().find(|v| v.name == *view)?.picture()?;
+                let size = t.size.unwrap_or(*size);
+                self.said(&key.key("size"), camera.resized(size[0], size[1]))?;
+                Some(vec![planned(named(view), Camera::Options(options.clone()), size)])
             }
             (None, Some(observer)) => {
                 let known = &self.project.observer;
-                let number = known.iter().position(|o| o.name == *observer).ok_or_else(|| {
+                let Some(number) = known.iter().position(|o| o.name == *observer) else {
                     let names: Vec<_> = known.iter().map(|o| o.name.as_str()).collect();
                     let names = names.join(", ");
-                    wrong(format!("no [[observer]] is named \"{observer}\" (there are: {names})"))
-                })?;
+                    self.wrong(
+                        &key.key("observer"),
+                        format!("no [[observer]] is named \"{observer}\" (there are: {names})"),
+                    );
+                    return None;
+                };
                 let name = named(&plain(observer));
                 let camera = |fisheye| Camera::Observer { number, fisheye };
                 let fisheye = format!("{name}-fisheye");
                 let edge = t.size.map_or(FISHEYE, |[columns, rows]| [columns.max(rows); 2]);
-                Ok(vec![
+                Some(vec![
                     planned(name, camera(false), t.size.unwrap_or(ALONG)),
                     planned(fisheye, camera(true), edge),
                 ])
             }
-            _ => Err(wrong("expected either `view` or `observer`".into())),
+            _ => {
+                self.wrong(key, "expected either `view` or `observer`");
+                None
+            }
         }
     }
 }

@@ -1,145 +1,137 @@
 //! From the project file: the candidates, the views, and how light and glare are computed.
 
 use std::collections::BTreeMap;
-use std::path::Path;
 
 use super::{Reader, view_file};
-use crate::base::Irradiance;
 use crate::base::limits::{self, EXACT_MANTISSA_BITS};
 use crate::bsdf::{Bsdf, BsdfFile};
 use crate::glare;
 use crate::project::error::Error;
-use crate::project::manifest::hash_path;
+use crate::project::places::Key;
 use crate::project::resolve::{Candidate, Made};
-use crate::project::tables::{MaterialTable, PhotonsTable};
+use crate::project::tables::{GlareTable, MaterialTable, PhotonsTable};
 use crate::project::view_tables::ViewTable;
 use crate::project::views::{
     Estimator, PhotonGather, Picture, PlannedView, SeriesKept, Sight, Target,
 };
-use crate::render::{self, Gather, Kernel, View};
-use crate::trace::{self, Receivers};
+use crate::project::words::ViewBy;
+use crate::render::{self, Gather, View};
+use crate::trace;
 
 impl Reader<'_> {
-    pub fn candidates(&self) -> Result<Vec<Candidate>, Error> {
+    /// Materials and cases; those that can't be used are left out.
+    pub fn candidates(&self) -> Vec<Candidate> {
         let p = self.project;
         let mut models: BTreeMap<&str, Material> = BTreeMap::new();
         let mut out = Vec::new();
-        for t in &p.material {
-            let model = match (&t.model, &t.bsdf) {
-                (Some(model), None) if t.side.is_none() && t.spectrum.is_none() => {
-                    let bsdf = Bsdf::from_model(model)
-                        .map_err(|source| Error::Material { name: t.name.clone(), source })?;
-                    Material { made: Made::Model(model.clone()), bsdf, notes: Vec::new() }
-                }
-                (None, Some(path)) => self.measured(t, path)?,
-                (Some(_), None) => {
-                    return Err(self.wrong(format!(
-                        "[[material]] \"{}\": `side` and `spectrum` go with `bsdf`, not with `model`",
-                        t.name
-                    )));
-                }
-                _ => {
-                    return Err(self.wrong(format!(
-                        "[[material]] \"{}\": expected either `model` or `bsdf`",
-                        t.name
-                    )));
-                }
-            };
+        for (i, t) in p.material.iter().enumerate() {
+            let Some(model) = self.material(t, &Key::item("material", i)) else { continue };
             out.push(candidate(&t.name, &vec![&model; p.pv.len()]));
             models.insert(&t.name, model);
         }
-        for case in &p.case {
-            let known = || models.keys().copied().collect::<Vec<_>>().join(", ");
-            for entry in case.assign.keys() {
-                if !p.pv.iter().any(|t| &t.name == entry) {
-                    return Err(self.wrong(format!(
-                        "[[case]] \"{}\": assign names the PV \"{entry}\", which no [[pv]] has",
-                        case.name
-                    )));
-                }
+        for (i, case) in p.case.iter().enumerate() {
+            let key = Key::item("case", i).key("assign");
+            for entry in case.assign.keys().filter(|e| p.pv.iter().all(|t| t.name != **e)) {
+                self.wrong(&key, format!("it names the PV \"{entry}\", which no [[pv]] has"));
             }
             let mut chosen = Vec::new();
             for t in &p.pv {
-                let name = case.assign.get(&t.name).ok_or_else(|| {
-                    self.wrong(format!(
-                        "[[case]] \"{}\": assign says nothing about the PV \"{}\"",
-                        case.name, t.name
-                    ))
-                })?;
-                let model = models.get(name.as_str()).ok_or_else(|| {
-                    self.wrong(format!(
-                        "[[case]] \"{}\": no [[material]] is named \"{name}\" (there are: {})",
-                        case.name,
-                        known()
-                    ))
-                })?;
-                chosen.push(model);
+                let Some(name) = case.assign.get(&t.name) else {
+                    self.wrong(&key, format!("it says nothing about the PV \"{}\"", t.name));
+                    continue;
+                };
+                self.is_a_material(&key, name);
+                chosen.extend(models.get(name.as_str()));
             }
-            out.push(candidate(&case.name, &chosen));
+            if chosen.len() == p.pv.len() {
+                out.push(candidate(&case.name, &chosen));
+            }
         }
-        Ok(out)
+        out
     }
 
-    fn measured(&self, t: &MaterialTable, path: &Path) -> Result<Material, Error> {
-        let path = self.file.parent().unwrap_or(Path::new("")).join(path);
+    fn is_a_material(&self, key: &Key, name: &str) {
+        let names = || self.project.material.iter().map(|t| t.name.as_str());
+        if !names().any(|known| known == name) {
+            let known = names().collect::<Vec<_>>().join(", ");
+            self.wrong(key, format!("no [[material]] is named \"{name}\" (there are: {known})"));
+        }
+    }
+
+    fn material(&self, t: &MaterialTable, key: &Key) -> Option<Material> {
         let wrong = |source| Error::Material { name: t.name.clone(), source };
-        let file = BsdfFile::read(&path).map_err(wrong)?;
-        let side = t.side.unwrap_or_default();
-        let measured = file.reflection(side, t.spectrum).map_err(wrong)?;
-        let hash = hash_path(&path).map_err(|source| Error::Read { path: path.clone(), source })?;
-        let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
-        let notes = file.notes.iter().cloned().chain(measured.notes()).collect();
-        let made = Made::File { bsdf: hash, name, side, spectrum: t.spectrum };
-        Ok(Material { made, bsdf: Bsdf::Measured(measured), notes })
+        match (&t.model, &t.bsdf) {
+            (Some(model), None) if t.side.is_none() && t.spectrum.is_none() => {
+                let bsdf = Bsdf::from_model(model);
+                let bsdf = self.checked(&key.key("model"), bsdf, wrong)?;
+                Some(Material { made: Made::Model(model.clone()), bsdf, notes: Vec::new() })
+            }
+            (None, Some(path)) => {
+                let (key, path) = (key.key("bsdf"), self.beside(path));
+                let file = self.checked(&key, BsdfFile::read(&path), wrong)?;
+                let side = t.side.unwrap_or_default();
+                let measured = self.checked(&key, file.reflection(side, t.spectrum), wrong)?;
+                let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
+                let notes = file.notes.iter().cloned().chain(measured.notes()).collect();
+                let bsdf = self.hash(&key, &path)?;
+                let made = Made::File { bsdf, name, side, spectrum: t.spectrum };
+                Some(Material { made, bsdf: Bsdf::Measured(measured), notes })
+            }
+            (Some(_), None) => {
+                self.wrong(key, "`side` and `spectrum` go with `bsdf`, not with `model`");
+                None
+            }
+            _ => {
+                self.wrong(key, "expected either `model` or `bsdf`");
+                None
+            }
+        }
     }
 
-    pub fn reference(&self, candidates: &[Candidate]) -> Result<Option<usize>, Error> {
-        let Some(table) = &self.project.reference else { return Ok(None) };
-        let at = candidates.iter().position(|c| c.name == table.material);
-        let known = || candidates.iter().map(|c| c.name.as_str()).collect::<Vec<_>>().join(", ");
-        at.map(Some).ok_or_else(|| {
-            self.wrong(format!(
-                "reference.material: no [[material]] is named \"{}\" (there are: {})",
-                table.material,
-                known()
-            ))
-        })
+    /// The reference among the candidates.
+    pub fn reference(&self, candidates: &[Candidate]) -> Option<usize> {
+        let name = &self.project.reference.as_ref()?.material;
+        if self.project.case.iter().all(|case| case.name != *name) {
+            self.is_a_material(&Key::of("reference.material"), name);
+        }
+        candidates.iter().position(|c| c.name == *name)
     }
 
-    fn view(&self, t: &ViewTable) -> Result<PlannedView, Error> {
+    /// The pictures; sets of sensors apart.
+    pub fn views(&self) -> Vec<PlannedView> {
+        let pictures = self.project.view.iter().enumerate().filter(|(_, v)| v.sensors.is_none());
+        pictures.filter_map(|(i, v)| self.view(v, &Key::item("view", i))).collect()
+    }
+
+    fn view(&self, t: &ViewTable, key: &Key) -> Option<PlannedView> {
+        if t.fuse && t.both_quantities {
+            self.wrong(
+                key,
+                "`fuse` keeps no series, so `both_quantities` has none to add; leave one out",
+            );
+        }
+        if t.coordinates.is_some() {
+            self.wrong(
+                &key.key("coordinates"),
+                "`coordinates` goes with `sensors`; a picture's own are local: leave it out",
+            );
+        }
+        let (estimator, mantissa_bits) = (self.estimator(t, key), self.mantissa_bits(t, key));
         let Some([columns, rows]) = t.size else {
-            return Err(self.wrong(format!(
-                "[[view]] \"{}\": expected `size = [columns, rows]`, found none",
-                t.name
-            )));
+            self.wrong(key, "expected `size = [columns, rows]`, found none");
+            return None;
         };
         let edge = 1..=limits::MAX_VIEW_EDGE;
         if !edge.contains(&columns)
             || !edge.contains(&rows)
             || columns.saturating_mul(rows) > limits::MAX_VIEW_PIXELS
         {
-            return Err(self.wrong(format!(
-                "view.{}.size: expected 1 to {} pixels along each edge and at most {} in all, found {columns} x {rows}",
-                t.name,
-                limits::MAX_VIEW_EDGE,
-                limits::MAX_VIEW_PIXELS
-            )));
+            let (edge, all) = (limits::MAX_VIEW_EDGE, limits::MAX_VIEW_PIXELS);
+            self.wrong(&key.key("size"), format!("expected 1 to {edge} pixels along each edge and at most {all} in all, found {columns} x {rows}"));
+            return None;
         }
-        if t.fuse && t.both_quantities {
-            return Err(self.wrong(format!(
-                "view.{}: `fuse` keeps no series, so `both_quantities` has none to add; leave one out",
-                t.name
-            )));
-        }
-        if t.coordinates.is_some() {
-            return Err(self.wrong(format!(
-                "view.{}: `coordinates` goes with `sensors`; a picture's own are local: leave it out",
-                t.name
-            )));
-        }
-        let estimator = self.estimator(t)?;
-        let (options, view) = self.camera(t, columns, rows)?;
-        Ok(PlannedView {
+        let (options, view) = self.camera(t, key, [columns, rows])?;
+        Some(PlannedView {
             name: t.name.clone(),
             target: Target::Picture(Picture { options, size: [columns, rows], view }),
             estimator,
@@ -148,94 +140,109 @@ impl Reader<'_> {
                 (_, true) => SeriesKept::Both,
                 _ => SeriesKept::One,
             },
-            mantissa_bits: self.mantissa_bits(t)?,
+            mantissa_bits,
         })
+    }
+
+    /// A view and its options: as written, or of a view file or a picture.
+    fn camera(&self, t: &ViewTable, key: &Key, size: [usize; 2]) -> Option<(String, View)> {
+        let [columns, rows] = size;
+        match (&t.view, &t.view_file) {
+            (Some(options), None) => {
+                let view = View::parse(options, columns, rows);
+                Some((options.clone(), self.said(&key.key("view"), view)?))
+            }
+            (None, Some(path)) => {
+                let path = self.beside(path);
+                let read = view_file::read(&path, columns, rows)
+                    .map_err(|what| format!("{}: {what}", path.display()));
+                let view = self.said(&key.key("view_file"), read)?;
+                // What it says, not where it lies, decides what is made.
+                Some((view.to_options(), view))
+            }
+            (both, _) => {
+                let found = if both.is_some() { "both" } else { "none" };
+                self.wrong(key, format!("expected either `view` or `view_file`, found {found}"));
+                None
+            }
+        }
+    }
+
+    /// The value, or `None` after its mistake was noted.
+    pub(super) fn said<T, E: ToString>(&self, key: &Key, result: Result<T, E>) -> Option<T> {
+        result.map_err(|e| self.wrong(key, e.to_string())).ok()
     }
 
     /// How a view is computed. What is integrated directly has no photons: whatever its keys say of
     /// them (they are checked all the same), none of it is kept.
-    pub(super) fn estimator(&self, t: &ViewTable) -> Result<Estimator, Error> {
-        let gather = self.gathered(t)?;
-        Ok(if t.estimator == "direct" {
-            Estimator::Direct(self.sight())
-        } else {
-            Estimator::Photons(gather)
-        })
+    pub(super) fn estimator(&self, t: &ViewTable, key: &Key) -> Estimator {
+        let gather = self.gather(t, key);
+        match t.estimator {
+            ViewBy::Direct => Estimator::Direct(self.sight()),
+            ViewBy::Photons | ViewBy::Radiance => Estimator::Photons(gather),
+        }
     }
 
     pub(super) fn sight(&self) -> Sight {
-        let PhotonsTable { max_path_m, sun_visibility, .. } = self.project.photons;
+        let PhotonsTable {
+            stored: _,
+            max_path_m,
+            bounces: _,
+            seed: _,
+            sun_visibility,
+            receivers: _,
+        } = self.project.photons;
         Sight { max_path_m, sun_visibility }
     }
 
     /// How a view's photons become irradiance.
-    pub(super) fn gathered(&self, t: &ViewTable) -> Result<PhotonGather, Error> {
-        let estimator = match t.estimator.as_str() {
-            "photons" | "direct" => render::Estimator::Photons,
-            "radiance" => render::Estimator::Radiance,
-            other => {
-                return Err(self.wrong(format!(
-                    "view.{}.estimator: expected \"photons\", \"radiance\" or \"direct\", found \"{other}\"",
-                    t.name
-                )));
-            }
-        };
-        for (key, value) in [("bandwidth", t.bandwidth), ("series_bandwidth", t.series_bandwidth)] {
-            if value.is_some_and(|v| !(2..=1_000_000).contains(&v)) {
-                return Err(self.wrong(format!(
-                    "view.{}.{key}: expected 2 to 1000000 photons, found {}",
-                    t.name,
-                    value.unwrap_or(0)
-                )));
-            }
-        }
-        if t.max_radius_m.is_some_and(|r| !(r > 0.0 && r.is_finite())) {
-            return Err(
-                self.wrong(format!("view.{}.max_radius_m: expected metres above 0", t.name))
-            );
-        }
+    pub(super) fn gather(&self, t: &ViewTable, key: &Key) -> PhotonGather {
         let default = Gather::default();
-        let normal_tolerance_deg = t.normal_tolerance_deg.unwrap_or(default.normal_tolerance_deg);
         let annual = Gather {
             bandwidth: t.bandwidth.unwrap_or(default.bandwidth),
             max_radius_m: t.max_radius_m,
-            estimator,
-            kernel: self.kernel(t)?,
-            normal_tolerance_deg: self.within(
-                t,
-                "normal_tolerance_deg",
-                normal_tolerance_deg,
-                1.0..=90.0,
-            )?,
+            estimator: match t.estimator {
+                ViewBy::Radiance => render::Estimator::Radiance,
+                ViewBy::Photons | ViewBy::Direct => render::Estimator::Photons,
+            },
+            kernel: t.kernel.unwrap_or(default.kernel),
+            normal_tolerance_deg: t.normal_tolerance_deg.unwrap_or(default.normal_tolerance_deg),
             plane_tolerance_m: match t.plane_tolerance_m {
                 None => default.plane_tolerance_m,
                 Some(0.0) => None,
-                Some(m) => Some(self.within(t, "plane_tolerance_m", m, 0.01..=100.0)?),
+                Some(m) => Some(m),
             },
             edges: t.edges.unwrap_or(default.edges),
         };
+        for (name, what) in annual.mistakes() {
+            self.wrong(&key.key(name), what);
+        }
+        if let Some(bandwidth) = t.series_bandwidth {
+            let series = Gather { bandwidth, ..Gather::default() };
+            for (_, what) in series.mistakes() {
+                self.wrong(&key.key("series_bandwidth"), what);
+            }
+        }
         let (series_bandwidth, series_edges) = (t.series_bandwidth, t.series_edges == Some(true));
-        Ok(PhotonGather { annual, series_bandwidth, series_edges })
+        PhotonGather { annual, series_bandwidth, series_edges }
     }
 
     /// Bits of mantissa of a view's series.
-    pub(super) fn mantissa_bits(&self, t: &ViewTable) -> Result<u32, Error> {
+    pub(super) fn mantissa_bits(&self, t: &ViewTable, key: &Key) -> u32 {
         let bits = t.series_mantissa_bits.unwrap_or(EXACT_MANTISSA_BITS);
-        if (1..=EXACT_MANTISSA_BITS).contains(&bits) {
-            return Ok(bits);
+        if !(1..=EXACT_MANTISSA_BITS).contains(&bits) {
+            let what = format!("expected 1 to {EXACT_MANTISSA_BITS}, found {bits}");
+            self.wrong(&key.key("series_mantissa_bits"), what);
         }
-        Err(self.wrong(format!(
-            "view.{}.series_mantissa_bits: expected 1 to {EXACT_MANTISSA_BITS}, found {bits}",
-            t.name
-        )))
+        bits
     }
 
     /// A sentence for each view whose estimator has no use for some of its keys. They are no
     /// mistake: whoever compares estimators changes `estimator` alone, by `--set`.
-    pub fn unused_keys(&self) -> Result<Vec<String>, Error> {
+    pub fn unused_keys(&self) -> Vec<String> {
         let p = self.project;
         let nobody = p.observer.is_empty() && p.region.is_empty();
-        let photons = self.receivers_by()? == Some(render::Estimator::Photons);
+        let photons = self.receivers_by() == ViewBy::Photons;
         let mut out = Vec::new();
         for (i, t) in p.view.iter().enumerate() {
             // Observers and regions are gathered as the first view would be.
@@ -254,10 +261,10 @@ impl Reader<'_> {
                 ("edges", t.edges.is_some()),
                 ("series_edges", t.series_edges.is_some()),
             ];
-            let unused = match t.estimator.as_str() {
-                "direct" => [&search[..], &discs[..]].concat(),
-                "radiance" => discs.to_vec(),
-                _ => continue,
+            let unused = match t.estimator {
+                ViewBy::Direct => [&search[..], &discs[..]].concat(),
+                ViewBy::Radiance => discs.to_vec(),
+                ViewBy::Photons => continue,
             };
             let written = unused.iter().filter(|(_, is_written)| *is_written);
             let keys: Vec<String> = written.map(|(key, _)| format!("`{key}`")).collect();
@@ -265,157 +272,68 @@ impl Reader<'_> {
                 out.push(format!(
                     "view.{}: ignored, of no meaning for estimator = \"{}\": {}",
                     t.name,
-                    t.estimator,
+                    t.estimator.name(),
                     keys.join(", ")
                 ));
             }
         }
-        Ok(out)
+        out
     }
 
-    /// A view and its options: as written, or of a view file or a picture.
-    fn camera(&self, t: &ViewTable, columns: usize, rows: usize) -> Result<(String, View), Error> {
-        let name = &t.name;
-        match (&t.view, &t.view_file) {
-            (Some(options), None) => {
-                let view = View::parse(options, columns, rows)
-                    .map_err(|e| self.wrong(format!("view.{name}.view: {e}")))?;
-                Ok((options.clone(), view))
-            }
-            (None, Some(path)) => {
-                let path = self.file.parent().unwrap_or(Path::new("")).join(path);
-                let view = view_file::read(&path, columns, rows).map_err(|what| {
-                    self.wrong(format!("view.{name}.view_file: {}: {what}", path.display()))
-                })?;
-                // What it says, not where it lies, decides what is made.
-                Ok((view.to_options(), view))
-            }
-            (both, _) => Err(self.wrong(format!(
-                "[[view]] \"{name}\": expected either `view` or `view_file`, found {}",
-                if both.is_some() { "both" } else { "none" }
-            ))),
+    /// How photons are traced.
+    pub fn trace(&self) -> trace::Settings {
+        let PhotonsTable { stored, max_path_m, bounces, seed, sun_visibility, receivers } =
+            self.project.photons;
+        let key = Key::of("photons");
+        if bounces != 1 {
+            self.wrong(
+                &key.key("bounces"),
+                format!(
+                    "this version follows one scattering, by the PV; expected 1, found {bounces}"
+                ),
+            );
         }
+        if !(1..=limits::MAX_PHOTONS).contains(&stored) {
+            let what = format!("expected 1 to {}, found {stored}", limits::MAX_PHOTONS);
+            self.wrong(&key.key("stored"), what);
+        }
+        if !(max_path_m > 0.0 && max_path_m.is_finite()) {
+            let what = format!("expected metres above 0, found {max_path_m}");
+            self.wrong(&key.key("max_path_m"), what);
+        }
+        trace::Settings { stored, max_path_m, seed, sun_visibility, receivers }
     }
 
-    fn kernel(&self, t: &ViewTable) -> Result<Kernel, Error> {
-        match t.kernel.as_deref() {
-            None => Ok(Gather::default().kernel),
-            Some("flat") => Ok(Kernel::Flat),
-            Some("epanechnikov") => Ok(Kernel::Epanechnikov),
-            Some(other) => Err(self.wrong(format!(
-                "view.{}.kernel: expected \"flat\" or \"epanechnikov\", found \"{other}\"",
-                t.name
-            ))),
-        }
-    }
-
-    fn within(
-        &self,
-        t: &ViewTable,
-        key: &str,
-        value: f32,
-        range: std::ops::RangeInclusive<f32>,
-    ) -> Result<f32, Error> {
-        if range.contains(&value) {
-            return Ok(value);
-        }
-        let (low, high) = (range.start(), range.end());
-        let name = &t.name;
-        Err(self.wrong(format!("view.{name}.{key}: expected {low} to {high}, found {value}")))
-    }
-
-    /// The pictures; sets of sensors apart.
-    pub fn views(&self) -> Result<Vec<PlannedView>, Error> {
-        let pictures = self.project.view.iter().filter(|v| v.sensors.is_none());
-        pictures.map(|v| self.view(v)).collect()
-    }
-
-    pub fn trace(&self) -> Result<trace::Settings, Error> {
-        let p = &self.project.photons;
-        if p.bounces != 1 {
-            return Err(Error::Unsupported(format!(
-                "{}: photons.bounces: this version follows one scattering, by the PV; expected 1, found {}",
-                self.file.display(),
-                p.bounces
-            )));
-        }
-        if !(1..=limits::MAX_PHOTONS).contains(&p.stored) {
-            return Err(self.wrong(format!(
-                "photons.stored: expected 1 to {}, found {}",
-                limits::MAX_PHOTONS,
-                p.stored
-            )));
-        }
-        if !(p.max_path_m > 0.0 && p.max_path_m.is_finite()) {
-            return Err(self.wrong(format!(
-                "photons.max_path_m: expected metres above 0, found {}",
-                p.max_path_m
-            )));
-        }
-        let receivers = match p.receivers.as_str() {
-            "all" => Receivers::All,
-            "diffuse" => Receivers::Diffuse,
-            other => {
-                return Err(self.wrong(format!(
-                    "photons.receivers: expected \"all\" or \"diffuse\", found \"{other}\""
-                )));
-            }
-        };
-        Ok(trace::Settings {
-            stored: p.stored,
-            max_path_m: p.max_path_m,
-            seed: p.seed,
-            sun_visibility: p.sun_visibility,
-            receivers,
-        })
-    }
-
-    pub fn quantity(&self) -> Result<Irradiance, Error> {
-        match self.project.glare.quantity.as_str() {
-            "surface" => Ok(Irradiance::Surface),
-            "normal" => Ok(Irradiance::FacingBeam),
-            other => Err(self.wrong(format!(
-                "glare.quantity: expected \"surface\" or \"normal\", found \"{other}\""
-            ))),
-        }
-    }
-
-    pub fn glare(&self, memory_bytes: u64) -> Result<glare::Settings, Error> {
-        let g = &self.project.glare;
+    /// How glare is found.
+    pub fn glare(&self, memory_bytes: u64) -> glare::Settings {
+        let GlareTable { thresholds_w_m2, quantity: _, sigma, truncate, connectivity, rules: _ } =
+            &self.project.glare;
+        let key = Key::of("glare");
         let mut seen = Vec::new();
-        for &t in &g.thresholds_w_m2 {
+        for &t in thresholds_w_m2 {
             if !(t >= 0.0 && t.is_finite()) || seen.contains(&t) {
-                return Err(self.wrong(format!(
-                    "glare.thresholds_w_m2: expected different finite numbers from 0, found {t}"
-                )));
+                let what = format!("expected different finite numbers from 0, found {t}");
+                self.wrong(&key.key("thresholds_w_m2"), what);
             }
             seen.push(t);
         }
-        let connectivity =
-            glare::Connectivity::from_neighbours(g.connectivity).ok_or_else(|| {
-                self.wrong(format!(
-                    "glare.connectivity: expected 6, 18 or 26, found {}",
-                    g.connectivity
-                ))
-            })?;
-        if g.sigma.iter().any(|s| !(0.0..=1000.0).contains(s))
-            || g.truncate.is_nan()
-            || g.truncate < 0.0
-        {
-            return Err(self.wrong(format!(
-                "glare.sigma and glare.truncate: expected numbers from 0, found {:?} and {}",
-                g.sigma, g.truncate
-            )));
+        if sigma.iter().any(|s| !(0.0..=1000.0).contains(s)) {
+            let what = format!("expected numbers from 0 to 1000, found {sigma:?}");
+            self.wrong(&key.key("sigma"), what);
         }
-        Ok(glare::Settings {
+        if truncate.is_nan() || *truncate < 0.0 {
+            let what = format!("expected a number from 0, found {truncate}");
+            self.wrong(&key.key("truncate"), what);
+        }
+        glare::Settings {
             threshold: 0.0,
-            sigma: g.sigma,
-            truncate: g.truncate,
-            connectivity,
+            sigma: *sigma,
+            truncate: *truncate,
+            connectivity: *connectivity,
             allow_nonfinite: false,
             memory_bytes,
             ..glare::Settings::default()
-        })
+        }
     }
 }
 

@@ -7,8 +7,8 @@ pub const DECIDED: f64 = 2.0;
 /// first a pixel isn't above the threshold even with [`DECIDED`] standard errors added, above the
 /// second it is even with them taken off.
 ///
-/// A value E is made of `E / photon_w_m2` photons ([`super::series::Series::photon_w_m2`]), so its standard
-/// error is `sqrt(E * photon_w_m2)`, and `E -+ c sqrt(E p) = threshold` has the roots
+/// A value E is made of `E / photon_w_m2` photons ([`super::series::Series::photon_w_m2`]), so its
+/// standard error is `sqrt(E * photon_w_m2)`, and `E -+ c sqrt(E p) = threshold` has the roots
 /// `(sqrt(t + q) -+ sqrt(q))^2` with `q = p c^2 / 4`.
 pub fn undecided(threshold_w_m2: f64, photon_w_m2: f32) -> (f32, f32) {
     let q = f64::from(photon_w_m2) * DECIDED * DECIDED / 4.0;

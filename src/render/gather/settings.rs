@@ -8,6 +8,11 @@ use crate::pages::Store;
 /// photon: all within 88.9 degrees count, none beyond 90. This is the middle, `acos(0.01)`.
 const RADIANCE_NORMAL_DEG: f32 = 89.43;
 
+/// Most photons for a point: their fluxes' sums stay exact ([`MOST_PHOTONS`]), and their candidates
+/// in memory.
+const MOST_BANDWIDTH: usize = 1_000_000;
+const _: () = assert!(MOST_BANDWIDTH <= MOST_PHOTONS);
+
 /// How photons are gathered.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
 pub struct Gather {
@@ -43,26 +48,38 @@ impl Default for Gather {
 }
 
 impl Gather {
+    /// Settings that can't be, each with its name and what is expected of it. The only place that
+    /// knows their bounds.
+    pub fn mistakes(&self) -> Vec<(&'static str, String)> {
+        let mut out = Vec::new();
+        let mut expect = |key, right: bool, what: String| {
+            if !right {
+                out.push((key, what));
+            }
+        };
+        let found = self.bandwidth;
+        let right = (2..=MOST_BANDWIDTH).contains(&found);
+        expect(
+            "bandwidth",
+            right,
+            format!("expected 2 to {MOST_BANDWIDTH} photons, found {found}"),
+        );
+        let radius_m = self.max_radius_m.unwrap_or(1.0);
+        let right = radius_m > 0.0 && radius_m.is_finite();
+        expect("max_radius_m", right, format!("expected metres above 0, found {radius_m}"));
+        let found = self.normal_tolerance_deg;
+        let right = (1.0..=90.0).contains(&found);
+        expect("normal_tolerance_deg", right, format!("expected 1 to 90, found {found}"));
+        let found = self.plane_tolerance_m.unwrap_or(1.0);
+        let right = (0.01..=100.0).contains(&found);
+        expect("plane_tolerance_m", right, format!("expected 0.01 to 100, found {found}"));
+        out
+    }
+
     /// The bound on the search that holds for a store, m, after the settings were checked.
     pub(in crate::render) fn radius_m(&self, store: &Store) -> Result<f32, Error> {
-        if !(2..=MOST_PHOTONS).contains(&self.bandwidth) {
-            let what =
-                format!("bandwidth is {}, expected 2 to {MOST_PHOTONS} photons", self.bandwidth);
-            return Err(Error::settings(what));
-        }
-        if !(self.normal_tolerance_deg > 0.0 && self.normal_tolerance_deg <= 90.0) {
-            let what = format!(
-                "normal_tolerance_deg is {}, expected an angle above 0 and at most 90",
-                self.normal_tolerance_deg
-            );
-            return Err(Error::settings(what));
-        }
-        if self.plane_tolerance_m.is_some_and(|t| !(t >= 0.01 && t.is_finite())) {
-            let what = format!(
-                "plane_tolerance_m is {}, expected 0.01 m or more",
-                self.plane_tolerance_m.unwrap_or_default()
-            );
-            return Err(Error::settings(what));
+        if let Some((key, expected)) = self.mistakes().first() {
+            return Err(Error::settings(format!("{key}: {expected}")));
         }
         let radius = self.max_radius_m.unwrap_or_else(|| store.max_radius_m(self.bandwidth));
         if radius.is_finite() && radius > 0.0 {

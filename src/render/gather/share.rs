@@ -20,9 +20,9 @@
 //! guesses show in the result on an open surface, and a twin in the tests searches for every point
 //! alone. Along the edges of a surface they decide where the raster lies.
 //!
-//! What would do worse: a grid of cells with the photons of each (flat discs at roof edges reach across ten
-//! cells, and its size fits only one density), and one list of candidates for a whole tile (a tile
-//! that shows a gable and the street behind it has two far-apart sets of neighbours).
+//! What would do worse: a grid of cells with the photons of each (flat discs at roof edges reach
+//! across ten cells, and its size fits only one density), and one list of candidates for a whole
+//! tile (a tile that shows a gable and the street behind it has two far-apart sets of neighbours).
 
 mod group;
 
@@ -31,7 +31,6 @@ use std::ops::Range;
 
 use glam::Vec3;
 
-use self::group::{Known, Sorted, Todo};
 use super::candidates::{Answer, Bound, Candidates, Change, Last, Wanted};
 use super::error::Error;
 use super::estimator::{Kernel, MIN_RADIUS_M};
@@ -163,6 +162,33 @@ pub(in crate::render) struct Recorded {
     groups: Vec<Group>,
     /// For each point its disc and the group that found it.
     discs: Vec<Option<(Disc, u32)>>,
+}
+
+/// What is known of a query point's disc.
+enum Known {
+    /// Nothing: it is to be found.
+    Nothing,
+    /// It was found before.
+    Disc(Disc),
+    /// Another group answers the point.
+    Elsewhere,
+}
+
+/// A query point, sorted by plane, then by piece of the surface there.
+#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+struct Sorted {
+    /// Bits of the normal.
+    normal: [u32; 3],
+    /// The plane's offset in steps; once a raster is drawn, the piece, -1 on slivers without one.
+    offset_or_piece: i32,
+    /// Index in the group.
+    at: u32,
+}
+
+/// A query point of a group to answer, and its disc where that was found before.
+struct Todo {
+    at: u32,
+    known: Option<Disc>,
 }
 
 /// Buffers, kept from tile to tile.

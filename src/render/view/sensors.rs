@@ -164,8 +164,8 @@ const SPOKES: u32 = 32;
 /// A virtual sensor isn't made smaller than this for the surfaces around it, m.
 const LEAST_SENSOR_M: f64 = 0.02;
 
-/// The virtual sensor of a point in free air: a disc of `radius_m`, smaller where it would cut a surface of
-/// the scene, behind which it would lie in the dark.
+/// The virtual sensor of a point in free air: a disc of `radius_m`, smaller where it would cut a
+/// surface of the scene, behind which it would lie in the dark.
 pub fn virtual_sensor(position: DVec3, normal: DVec3, radius_m: f64, site: &Site) -> VirtualSensor {
     let frame = crate::base::Frame::around(normal);
     let nearest = (0..SPOKES).fold(radius_m, |least, i| {
@@ -200,8 +200,8 @@ pub(in crate::render) mod tests {
         assert!(parse_sensors("# none\n").is_err());
     }
 
-    /// A floor of 8 x 8 m, a wall on its west side whose front faces west, a roof of PV above the floor
-    /// that faces down and is 1 x 1 m.
+    /// A floor of 8 x 8 m, a wall on its west side whose front faces west, a roof of PV above the
+    /// floor that faces down and is 1 x 1 m.
     pub(in crate::render) fn site() -> Site {
         let quad = |corners: [[f32; 3]; 4], face: u32| {
             let [a, b, c, d] = corners.map(Vec3::from_array);

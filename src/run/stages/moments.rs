@@ -9,7 +9,7 @@ use serde_json::{Value, json};
 use crate::base::{Grid, Provenance, Timestep};
 use crate::picture::{Figure, Scale, exr, hdr, luminance, png, tonemap};
 use crate::project::artifacts::MomentFile;
-use crate::project::{Camera, Candidate, PlannedMoment};
+use crate::project::{Camera, Candidate, Key, PlannedMoment};
 use crate::receivers::clock::Clock;
 use crate::receivers::eyes::azimuth_altitude_deg;
 use crate::receivers::points::Spreader;
@@ -91,8 +91,7 @@ fn instant(job: &Job<'_>, moment: &PlannedMoment) -> Result<(Timestep, f64, f64)
         timeline = horizon.cut(timeline)?;
     }
     let step = timeline.steps.first().copied().ok_or_else(|| {
-        resolved
-            .mistake(format!("[[moment]] \"{}\": the sun is below the horizon then", moment.name))
+        resolved.mistake(&Key::item("moment", moment.table), "the sun is below the horizon then")
     })?;
     Ok((step, timeline.sun_diameter_deg, timeline.basis.lm_per_w()))
 }

@@ -142,8 +142,9 @@ pub(super) fn material(
     Ok(Made { material: Material { name: name.to_owned(), reflectance, diffuse }, caveat })
 }
 
-/// What isn't followed of a scene surface with a measured BSDF, after the manual's lists of strings:
-/// `BSDF` thickness file up-x up-y up-z function transform, `aBSDF` the same without thickness.
+/// What isn't followed of a scene surface with a measured BSDF, after the manual's lists of
+/// strings: `BSDF` thickness file up-x up-y up-z function transform, `aBSDF` the same without
+/// thickness.
 pub(super) fn measured(kind: &str, strings: &[&str], default_reflectance: f64) -> Option<String> {
     let (thickness, rest) = match (kind, strings) {
         ("BSDF", [thickness, rest @ ..]) => (*thickness, rest),

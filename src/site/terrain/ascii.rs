@@ -3,7 +3,8 @@ use glam::{DMat2, DVec2};
 use super::grid::{Grid, Layout, Region};
 
 /// Reads an ESRI ASCII grid: six lines of header, then heights from the north-west, by row. The
-/// corner is that of the cell (`xllcorner`) or its middle (`xllcenter`). A fault's line and message.
+/// corner is that of the cell (`xllcorner`) or its middle (`xllcenter`). A fault's line and
+/// message.
 pub(in crate::site) fn read(bytes: &[u8], region: Option<Region>) -> Result<Grid, (usize, String)> {
     let text = String::from_utf8_lossy(bytes);
     let mut header = Header::default();

@@ -25,7 +25,8 @@ const METRE: u16 = 9001;
 /// Reads a GeoTIFF of heights: one band, any sample type, strips or tiles.
 ///
 /// Where a height stands: raster coordinates (0, 0) are the outer corner of the first cell where
-/// pixels are areas, so its height stands at (0.5, 0.5); where pixels are points they are that point.
+/// pixels are areas, so its height stands at (0.5, 0.5); where pixels are points they are that
+/// point.
 pub(in crate::site) fn read(bytes: &[u8], region: Option<Region>) -> Result<Grid, String> {
     let failed = |e: tiff::TiffError| format!("not a TIFF that can be read: {e}");
     let mut limits = Limits::default();

@@ -376,7 +376,8 @@ fn whatever_crosses_a_gate_lies_between_its_horizons() {
     }
 }
 
-/// Aimed at virtual sensors or drawn from whole lobes, the same flux crosses each, at each timestep.
+/// Aimed at virtual sensors or drawn from whole lobes, the same flux crosses each, at each
+/// timestep.
 #[test]
 fn aiming_at_gates_changes_nothing_but_the_effort() {
     let site = scene(4, &four());

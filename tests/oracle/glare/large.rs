@@ -10,8 +10,8 @@ use std::time::Duration;
 use glintmap::base::{Purpose, Silent, Stream, limits::TILE_EDGE};
 use glintmap::glare::{self, Settings};
 use glintmap_formats::npy;
-use glintmap_formats::zarr::chunk::Encoder;
-use glintmap_formats::zarr::metadata::{self, Array, DataType, Pipeline};
+use glintmap_formats::zarr::chunk::{Encoder, Pipeline};
+use glintmap_formats::zarr::metadata::{self, Array, DataType};
 use glintmap_formats::zarr::shard;
 use serde_json::Map;
 

@@ -113,7 +113,7 @@ fn volumes_on_disk_say_what_is_dark() {
                 let range = first..(first + step).min(70);
                 out.resize(range.len() * 100 * 170, 0.0);
                 flags.resize(range.len() * tiles, false);
-                volume.read_lit(range.clone(), &mut out, &mut flags).unwrap();
+                volume.read_rows(range.clone(), 0..100, &mut out, &mut flags).unwrap();
                 assert!(out == dense.numbers[range.start * 17_000..range.end * 17_000]);
                 if lit == 0.0 {
                     assert!(!flags.contains(&true));
@@ -126,6 +126,6 @@ fn volumes_on_disk_say_what_is_dark() {
                 }
             }
         }
-        assert!(volume.read_lit(0..1, &mut vec![0.0; 17_000], &mut []).is_err());
+        assert!(volume.read_rows(0..1, 0..100, &mut vec![0.0; 17_000], &mut []).is_err());
     }
 }

@@ -5,33 +5,6 @@
 
 use super::*;
 
-/// What is known of a query point's disc.
-pub(super) enum Known {
-    /// Nothing: it is to be found.
-    Nothing,
-    /// It was found before.
-    Disc(Disc),
-    /// Another group answers the point.
-    Elsewhere,
-}
-
-/// A query point, sorted by plane, then by piece of the surface there.
-#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
-pub(super) struct Sorted {
-    /// Bits of the normal.
-    normal: [u32; 3],
-    /// The plane's offset in steps; once a raster is drawn, the piece, -1 on slivers without one.
-    offset_or_piece: i32,
-    /// Index in the group.
-    at: u32,
-}
-
-/// A query point to answer, and its disc where that was found before.
-pub(super) struct Todo {
-    at: u32,
-    known: Option<Disc>,
-}
-
 /// Query points on one piece of a surface, and where their photons are.
 struct Piece<'a, A> {
     group: &'a [QueryPoint],

@@ -237,7 +237,7 @@ fn what_lies_behind_the_eye_or_in_shadow_is_not_seen() {
 /// each of them finds, with a fraction of the looks.
 #[test]
 fn a_sweep_misses_nothing() {
-    use crate::sky::{DayRange, HourRange, Irradiance, Place, SunModel, TimeSpec};
+    use crate::sky::{DayRange, HourRange, Place, SunModel, SunStrength, TimeSpec};
     // Walls that throw shadows onto the square and hide parts of it.
     let wall = |x: f32, low: f32, high: f32, top: f32| {
         [[x, low, 0.0], [x, high, 0.0], [x, high, top], [x, low, top]].map(Vec3::from_array)
@@ -255,7 +255,7 @@ fn a_sweep_misses_nothing() {
         hours: HourRange { from: 0.0, to: 23.99, step: 1.0 / 30.0 },
         finer: Vec::new(),
         sun: SunModel::Gensky,
-        irradiance: Irradiance::ClearSky,
+        irradiance: SunStrength::ClearSky,
         half_year: false,
     };
     let timeline = crate::sky::timeline(&place, &spec).expect("suns");

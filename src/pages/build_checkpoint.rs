@@ -9,18 +9,20 @@ use glintmap_formats::checksum::crc32c;
 use glintmap_formats::{gmp, seal};
 
 use super::Error;
-use super::facts::Sums;
+use super::store_header::Sums;
 
-/// The file, in the folder of the spill that the store is built from: [`HalfBuilt`] as a line of
+/// The file, in the folder of the spill that the store is built from: [`BuildCheckpoint`] as a line of
 /// JSON, the pages as in a store's directory, a CRC-32C of both.
 pub(super) const NAME: &str = "building.checkpoint";
+/// Of the note; another one is of no use.
 const VERSION: u32 = 1;
+/// Bytes of a note that are read: 14 million pages, more than any store has.
 const BYTES_MAX: u64 = 1 << 30;
 
 /// The pages of a growing store that are on the disk.
 #[derive(Clone, Debug, serde::Serialize, serde::Deserialize)]
 #[serde(deny_unknown_fields)]
-pub(super) struct HalfBuilt {
+pub(super) struct BuildCheckpoint {
     version: u32,
     /// What is built, from what: checksum of the draft header and the spill's summary.
     of: u32,
@@ -41,7 +43,7 @@ pub(super) struct Checkpoints<'a> {
 }
 
 impl<'a> Checkpoints<'a> {
-    /// `dir`: the spill's folder; `of`: see [`HalfBuilt`]; `every`: the time between two.
+    /// `dir`: the spill's folder; `of`: see [`BuildCheckpoint`]; `every`: the time between two.
     pub fn new(dir: &'a Path, of: u32, every: Duration) -> Self {
         Self { dir, of, every, last: Instant::now() }
     }
@@ -63,7 +65,7 @@ impl<'a> Checkpoints<'a> {
         let directory = gmp::encode_directory(&[], pages)?;
         let length = out.stream_position().map_err(doing())?;
         out.sync_data().map_err(doing())?;
-        let half = HalfBuilt {
+        let half = BuildCheckpoint {
             version: VERSION,
             of: self.of,
             done: Some(done),
@@ -82,12 +84,12 @@ impl<'a> Checkpoints<'a> {
 
     /// What an earlier build left: its state and its pages. `out` is cut to what is vouched for,
     /// and stands at its end. `None` where there is nothing to go on from: then `out` is as it was.
-    pub fn resume(&self, out: &mut File) -> Option<(HalfBuilt, Vec<gmp::PageEntry>)> {
+    pub fn resume(&self, out: &mut File) -> Option<(BuildCheckpoint, Vec<gmp::PageEntry>)> {
         let mut bytes = Vec::new();
         File::open(self.dir.join(NAME)).ok()?.take(BYTES_MAX).read_to_end(&mut bytes).ok()?;
         let (bytes, checksum) = bytes.split_last_chunk::<4>()?;
         let end = bytes.iter().position(|&b| b == b'\n')?;
-        let half: HalfBuilt = serde_json::from_slice(&bytes[..end]).ok()?;
+        let half: BuildCheckpoint = serde_json::from_slice(&bytes[..end]).ok()?;
         let directory = &bytes[end + 1..];
         let fits = half.version == VERSION
             && half.of == self.of

@@ -1,4 +1,4 @@
-//! What a store says about itself: the facts of its text header.
+//! What a store says about itself in its text header, and the search radius that follows from it.
 
 use std::collections::BTreeMap;
 
@@ -75,7 +75,7 @@ pub(super) fn max_radius_m(area_m2_per_photon: f64, bandwidth: usize) -> f32 {
 
 #[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 #[serde(deny_unknown_fields)]
-pub(super) struct Facts {
+pub(super) struct Header {
     pub made: Provenance,
     pub units: BTreeMap<String, String>,
     pub spectral_basis: SpectralBasis,
@@ -148,7 +148,7 @@ impl Sums {
     }
 }
 
-impl Facts {
+impl Header {
     pub fn new(about: &About, sums: &Sums, layout: Layout) -> Self {
         let words = |pairs: &[(&str, &str)]| {
             pairs.iter().map(|(k, v)| ((*k).to_owned(), (*v).to_owned())).collect()

@@ -1,4 +1,4 @@
-//! Photons parted by octree cell, one file each, within a bound on what waits in memory.
+//! Photons partitioned by octree cell, one file each, within a bound on what waits in memory.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -6,24 +6,32 @@ use std::path::{Path, PathBuf};
 use glintmap_formats::records::Packer;
 
 use super::Error;
-use super::bucket::{Bucket, SUFFIX};
+use super::build_checkpoint::NAME as BUILDING;
 use super::cube::Cube;
-use super::half_built::NAME as BUILDING;
 use super::packed::{Packed, RECORD_BYTES};
-use super::spill::{CHECKPOINT, SUMMARY};
+use super::partition::{Partition, SUFFIX};
+use super::tree::Cell;
+use crate::base::Record;
 use crate::base::morton::LEVELS;
 
-/// Levels of the octree by which photons are parted at once: 4,096 buckets.
+/// The file that says that a spill is complete.
+pub(super) const SUMMARY: &str = "spill.json";
+/// The file that says how far a spill that isn't complete can be trusted.
+pub(super) const CHECKPOINT: &str = "checkpoint.json";
+
+/// Levels of the octree by which photons are partitioned at once: 4,096 files.
 pub(super) const SPLIT_LEVELS: u32 = 4;
-/// How folders are called in which a bucket is parted once more.
+/// How folders are called in which a partition is partitioned once more.
 pub(super) const SPLIT_PREFIX: &str = "split-";
 
-/// Parts photons by the cells of some levels of the octree below one cell.
-pub(super) struct Parting {
+/// Partitions photons by the cells some levels of the octree below one cell.
+pub(super) struct Partitioner {
     pub dir: PathBuf,
     pub cube: Cube,
+    /// Depth of the cells of its partitions.
     level: u32,
-    pub buckets: Vec<(Vec<u8>, Bucket)>,
+    /// For each cell what waits in memory, and what is in its file.
+    pub partitions: Vec<(Vec<u8>, Partition)>,
     packer: Packer,
     buffered: usize,
     buffer_bytes: usize,
@@ -31,47 +39,51 @@ pub(super) struct Parting {
     expected: u64,
 }
 
-impl Parting {
-    /// Parts the photons of one cell into the cells `SPLIT_LEVELS` further down, as files in
-    /// `dir`, which is emptied of older ones.
+impl Partitioner {
+    /// Partitions the photons of `cell` by the cells [`SPLIT_LEVELS`] further down, as files in
+    /// `dir`, which is emptied of older ones. `expected`: how many will come, for messages.
     pub fn create(
         dir: &Path,
         cube: Cube,
-        (level, cell): (u32, u64),
+        cell: Cell,
         expected: u64,
         buffer_bytes: usize,
     ) -> Result<Self, Error> {
         fs::create_dir_all(dir).map_err(Error::io(dir, "making the folder"))?;
         remove_files(dir)?;
-        Self::new(dir, cube, (level, cell), expected, buffer_bytes)
+        Self::new(dir, cube, cell, expected, buffer_bytes)
     }
 
     /// The same, with what lies in `dir` left as it is.
     pub fn new(
         dir: &Path,
         cube: Cube,
-        (level, cell): (u32, u64),
+        cell: Cell,
         expected: u64,
         buffer_bytes: usize,
     ) -> Result<Self, Error> {
         let packer = Packer::new().map_err(Error::io(dir, "making ready to pack photons"))?;
-        let down = SPLIT_LEVELS.min(LEVELS - level);
-        let level = level + down;
-        let first = cell << (3 * down);
-        let bucket = |i| Bucket { level, cell: first + i, photons: 0, bytes: 0, crc32c: 0 };
-        let buckets = (0..1 << (3 * down)).map(|i| (Vec::new(), bucket(i))).collect();
-        let dir = dir.to_owned();
-        let (buffered, photons) = (0, 0);
-        Ok(Self { dir, cube, level, buckets, packer, buffered, buffer_bytes, photons, expected })
+        let empty = |cell| (Vec::new(), Partition::empty(cell));
+        Ok(Self {
+            dir: dir.to_owned(),
+            cube,
+            level: cell.level + SPLIT_LEVELS.min(LEVELS - cell.level),
+            partitions: cell.cut(SPLIT_LEVELS).map(empty).collect(),
+            packer,
+            buffered: 0,
+            buffer_bytes,
+            photons: 0,
+            expected,
+        })
     }
 
     pub fn push(&mut self, photon: &Packed) -> Result<(), Error> {
         let cell = self.cube.code(photon.position) >> (3 * (LEVELS - self.level));
         // Photons of other cells aren't given; the mask keeps the index in range all the same.
-        let last = self.buckets.len() - 1;
-        let (buffer, bucket) = &mut self.buckets[cell as usize & last];
-        photon.write(buffer);
-        bucket.photons += 1;
+        let last = self.partitions.len() - 1;
+        let (buffer, partition) = &mut self.partitions[cell as usize & last];
+        photon.put(buffer);
+        partition.photons += 1;
         self.photons += 1;
         self.buffered += RECORD_BYTES;
         if self.buffered >= self.buffer_bytes { self.flush() } else { Ok(()) }
@@ -79,12 +91,12 @@ impl Parting {
 
     /// Writes what waits to the files.
     pub fn flush(&mut self) -> Result<(), Error> {
-        for (buffer, bucket) in &mut self.buckets {
+        for (buffer, partition) in &mut self.partitions {
             if buffer.is_empty() {
                 continue;
             }
-            bucket.append(&self.dir, buffer, &mut self.packer).map_err(Error::io(
-                &bucket.path(&self.dir),
+            partition.append(&self.dir, buffer, &mut self.packer).map_err(Error::io(
+                &partition.path(&self.dir),
                 format!(
                     "appending {} photons; {} of {} so far, which need up to {} bytes in all",
                     buffer.len() / RECORD_BYTES,
@@ -93,17 +105,17 @@ impl Parting {
                     self.expected.max(self.photons).saturating_mul(RECORD_BYTES as u64)
                 ),
             ))?;
-            // Freed, not cleared: buckets that stay quiet must not keep what they once needed.
+            // Freed, not cleared: partitions that stay quiet must not keep what they once needed.
             *buffer = Vec::new();
         }
         self.buffered = 0;
         Ok(())
     }
 
-    /// Writes what is left; the buckets that hold any photons, in Morton order.
-    pub fn finish(mut self) -> Result<Vec<Bucket>, Error> {
+    /// Writes what is left; the partitions that hold any photons, in Morton order.
+    pub fn finish(mut self) -> Result<Vec<Partition>, Error> {
         self.flush()?;
-        Ok(self.buckets.into_iter().map(|(_, b)| b).filter(|b| b.photons > 0).collect())
+        Ok(self.partitions.into_iter().map(|(_, b)| b).filter(|b| b.photons > 0).collect())
     }
 }
 

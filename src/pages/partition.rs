@@ -1,4 +1,4 @@
-//! One octree cell's photons in a file, before they are sorted.
+//! A partition: one octree cell's photons in a file, before they are sorted.
 
 use std::fs::{File, OpenOptions};
 use std::io::{self, BufReader, Read, Write};
@@ -9,7 +9,7 @@ use glintmap_formats::records::{Packer, Unpacker};
 
 use super::Error;
 use super::packed::{Packed, RECORD_BYTES};
-use crate::base::morton::LEVELS;
+use super::tree::Cell;
 
 pub(super) const SUFFIX: &str = "photons";
 
@@ -22,7 +22,7 @@ const HEAD_BYTES: usize = 8;
 /// blocks.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 #[serde(deny_unknown_fields)]
-pub(super) struct Bucket {
+pub(super) struct Partition {
     /// Depth of the cell in the octree.
     pub level: u32,
     /// The cell: a Morton code of `3 * level` bits.
@@ -35,15 +35,19 @@ pub(super) struct Bucket {
     pub crc32c: u32,
 }
 
-impl Bucket {
+impl Partition {
     pub fn path(&self, dir: &Path) -> PathBuf {
         dir.join(format!("{:02}-{:x}.{SUFFIX}", self.level, self.cell))
     }
 
-    /// First and last Morton code of its cell.
-    pub fn codes(&self) -> (u64, u64) {
-        let shift = 3 * (LEVELS - self.level);
-        (self.cell << shift, ((self.cell + 1) << shift) - 1)
+    /// Nothing yet of a cell.
+    pub fn empty(cell: Cell) -> Self {
+        Self { level: cell.level, cell: cell.code, photons: 0, bytes: 0, crc32c: 0 }
+    }
+
+    /// Its cell.
+    pub fn cell(&self) -> Cell {
+        Cell { level: self.level, code: self.cell }
     }
 
     fn damaged(&self, dir: &Path, what: String) -> Error {

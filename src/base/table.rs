@@ -1,12 +1,11 @@
 //! Tables of ours (CSV, RFC 4180): a row is a type whose fields are the columns, in their order.
 //!
-//! The functions for `#[serde(serialize_with = "…")]` say how a number is written; serde's own way
-//! with floats has exponents that spreadsheets don't read.
+//! The types of numbers say how they are written; serde's own way with floats has exponents that
+//! spreadsheets don't read.
 
-use std::fmt::{Display, LowerExp};
 use std::io::{self, Write};
 
-use serde::{Serialize, Serializer};
+use serde::{Deserialize, Serialize, Serializer};
 
 /// The names of the columns of a row.
 ///
@@ -59,49 +58,58 @@ impl<W: Write> Table<W> {
     }
 }
 
-/// With `N` decimals; nothing for `None`.
-pub fn fixed<const N: usize, T: Copy + Into<Option<f64>>, S: Serializer>(
-    value: &T,
-    to: S,
-) -> Result<S::Ok, S::Error> {
-    match (*value).into() {
-        Some(value) => to.collect_str(&format_args!("{value:.N$}")),
-        None => to.serialize_none(),
+/// A number with `N` decimals; nothing for `None`.
+#[derive(Clone, Copy, Debug, Default, Deserialize)]
+pub struct Fixed<const N: usize>(pub Option<f64>);
+
+/// As [`Fixed`], but `0` for what is exactly 0.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct FixedOr0<const N: usize>(pub Option<f64>);
+
+/// A number with an exponent and `N` decimals.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Scientific<const N: usize>(pub f64);
+
+/// A number as short as it can be read back, without an exponent; nothing for `None`.
+#[derive(Clone, Copy, Debug, Default, Deserialize)]
+pub struct Shortest(pub Option<f32>);
+
+impl<const N: usize, V: Into<Option<f64>>> From<V> for Fixed<N> {
+    fn from(value: V) -> Self {
+        Self(value.into())
     }
 }
 
-/// As [`fixed`], but `0` for what is exactly 0.
-pub fn fixed_or_0<const N: usize, S: Serializer>(
-    value: &Option<f64>,
-    to: S,
-) -> Result<S::Ok, S::Error> {
-    match value {
-        Some(0.0) => to.serialize_u8(0),
-        other => fixed::<N, _, _>(other, to),
+impl<const N: usize> Serialize for Fixed<N> {
+    fn serialize<S: Serializer>(&self, to: S) -> Result<S::Ok, S::Error> {
+        match self.0 {
+            Some(value) => to.collect_str(&format_args!("{value:.N$}")),
+            None => to.serialize_none(),
+        }
     }
 }
 
-/// With an exponent and `N` decimals.
-pub fn scientific<const N: usize, S: Serializer>(
-    value: &impl LowerExp,
-    to: S,
-) -> Result<S::Ok, S::Error> {
-    to.collect_str(&format_args!("{value:.N$e}"))
+impl<const N: usize> Serialize for FixedOr0<N> {
+    fn serialize<S: Serializer>(&self, to: S) -> Result<S::Ok, S::Error> {
+        match self.0 {
+            Some(0.0) => to.serialize_u8(0),
+            other => Fixed::<N>(other).serialize(to),
+        }
+    }
 }
 
-/// As short as it can be read back, without an exponent.
-pub fn shortest<T: Display, S: Serializer>(value: &T, to: S) -> Result<S::Ok, S::Error> {
-    to.collect_str(value)
+impl<const N: usize> Serialize for Scientific<N> {
+    fn serialize<S: Serializer>(&self, to: S) -> Result<S::Ok, S::Error> {
+        to.collect_str(&format_args!("{:.N$e}", self.0))
+    }
 }
 
-/// [`shortest`], nothing for `None`.
-pub fn shortest_or_none<T: Display, S: Serializer>(
-    value: &Option<T>,
-    to: S,
-) -> Result<S::Ok, S::Error> {
-    match value {
-        Some(value) => to.collect_str(value),
-        None => to.serialize_none(),
+impl Serialize for Shortest {
+    fn serialize<S: Serializer>(&self, to: S) -> Result<S::Ok, S::Error> {
+        match &self.0 {
+            Some(value) => to.collect_str(value),
+            None => to.serialize_none(),
+        }
     }
 }
 
@@ -112,30 +120,28 @@ mod tests {
     #[derive(Default, Serialize)]
     struct Who {
         name: String,
-        #[serde(serialize_with = "shortest")]
-        strength: f32,
+        strength: Shortest,
     }
 
     #[derive(Default, Serialize)]
     struct When {
-        #[serde(serialize_with = "fixed::<2, _, _>")]
-        hour: Option<f64>,
-        #[serde(serialize_with = "fixed_or_0::<1, _>")]
-        minutes: Option<f64>,
-        #[serde(serialize_with = "scientific::<1, _>")]
-        flux: f64,
+        hour: Fixed<2>,
+        minutes: FixedOr0<1>,
+        flux: Scientific<1>,
     }
 
     #[test]
     fn rows_stand_side_by_side_and_strange_names_are_quoted() {
         let mut table = Table::of::<(Who, When)>(Vec::new()).expect("writes");
         let name = "a \"tower\", old".to_owned();
-        let when = When { hour: Some(0.125), minutes: Some(0.0), flux: 1234.0 };
-        table.push((Who { name, strength: 1e-7 }, when)).expect("writes");
+        let when =
+            When { hour: 0.125.into(), minutes: FixedOr0(Some(0.0)), flux: Scientific(1234.0) };
+        let strength = Shortest(Some(1e-7));
+        table.push((Who { name, strength }, when)).expect("writes");
         table.push((Who::default(), When::default())).expect("writes");
         let text = String::from_utf8(table.finish().expect("writes")).expect("text");
         let expected = "name,strength,hour,minutes,flux\n\
-                        \"a \"\"tower\"\", old\",0.0000001,0.12,0,1.2e3\n,0,,,0.0e0\n";
+                        \"a \"\"tower\"\", old\",0.0000001,0.12,0,1.2e3\n,,,,0.0e0\n";
         assert_eq!(text, expected);
     }
 }

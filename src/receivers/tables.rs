@@ -10,9 +10,7 @@ use super::clock::Clock;
 use super::eyes::{EyeYear, azimuth_altitude_deg, zone_of};
 use super::points::Group;
 use super::received::Reading;
-use crate::base::table::{
-    Table, columns, fixed, fixed_or_0, scientific, shortest, shortest_or_none,
-};
+use crate::base::table::{Fixed, FixedOr0, Scientific, Shortest, Table, columns};
 use crate::base::{Grid, MONTHS};
 use crate::glare::SpotGlare;
 use crate::render::HitMap;
@@ -26,77 +24,58 @@ use crate::volume::TimeAxis;
 struct PointRow {
     group: String,
     point: usize,
-    #[serde(serialize_with = "fixed::<4, _, _>")]
-    x_m: f64,
-    #[serde(serialize_with = "fixed::<4, _, _>")]
-    y_m: f64,
-    #[serde(serialize_with = "fixed::<4, _, _>")]
-    z_m: f64,
-    #[serde(serialize_with = "fixed::<4, _, _>")]
-    nx: f64,
-    #[serde(serialize_with = "fixed::<4, _, _>")]
-    ny: f64,
-    #[serde(serialize_with = "fixed::<4, _, _>")]
-    nz: f64,
+    x_m: Fixed<4>,
+    y_m: Fixed<4>,
+    z_m: Fixed<4>,
+    nx: Fixed<4>,
+    ny: Fixed<4>,
+    nz: Fixed<4>,
     stands_on: String,
-    #[serde(serialize_with = "fixed::<4, _, _>")]
-    area_m2: f64,
-    #[serde(serialize_with = "fixed::<3, _, _>")]
-    pv_distance_m: Option<f64>,
-    #[serde(serialize_with = "shortest_or_none")]
-    annual_wh_m2: Option<f32>,
-    #[serde(serialize_with = "shortest_or_none")]
-    annual_normal_wh_m2: Option<f32>,
-    #[serde(serialize_with = "shortest_or_none")]
-    peak_w_m2: Option<f32>,
+    area_m2: Fixed<4>,
+    pv_distance_m: Fixed<3>,
+    annual_wh_m2: Shortest,
+    annual_normal_wh_m2: Shortest,
+    peak_w_m2: Shortest,
     peak_at: String,
-    #[serde(serialize_with = "shortest_or_none")]
-    exceeded_30min_w_m2: Option<f32>,
-    #[serde(serialize_with = "shortest_or_none")]
-    exceeded_50h_w_m2: Option<f32>,
+    exceeded_30min_w_m2: Shortest,
+    exceeded_50h_w_m2: Shortest,
 }
 
 /// The glare of a point above a threshold.
 #[derive(Clone, Debug, Default, Serialize)]
 struct GlareCells {
-    #[serde(serialize_with = "fixed_or_0::<4, _>")]
-    hours: Option<f64>,
+    hours: FixedOr0<4>,
     days: Option<u32>,
-    #[serde(serialize_with = "fixed_or_0::<2, _>")]
-    longest_run_min: Option<f64>,
+    longest_run_min: FixedOr0<2>,
     longest_run_at: String,
-    #[serde(serialize_with = "fixed_or_0::<2, _>")]
-    longest_day_min: Option<f64>,
+    longest_day_min: FixedOr0<2>,
     longest_day: String,
-    #[serde(serialize_with = "fixed::<4, _, _>")]
-    first_hour: Option<f64>,
-    #[serde(serialize_with = "fixed::<4, _, _>")]
-    last_hour: Option<f64>,
+    first_hour: Fixed<4>,
+    last_hour: Fixed<4>,
 }
 
 impl GlareCells {
     fn of(g: &SpotGlare, clock: &Clock, axis: &TimeAxis) -> Self {
         if g.hours <= 0.0 {
-            let none = Some(0.0);
             return Self {
-                hours: none,
+                hours: FixedOr0(Some(0.0)),
                 days: Some(0),
-                longest_run_min: none,
-                longest_day_min: none,
+                longest_run_min: FixedOr0(Some(0.0)),
+                longest_day_min: FixedOr0(Some(0.0)),
                 ..Self::default()
             };
         }
         let [first, last] = g.between_h.unwrap_or_default();
         let at = g.longest_run_at as usize;
         Self {
-            hours: Some(g.hours),
+            hours: FixedOr0(Some(g.hours)),
             days: Some(g.days),
-            longest_run_min: Some(g.longest_run_h * 60.0),
+            longest_run_min: FixedOr0(Some(g.longest_run_h * 60.0)),
             longest_run_at: clock.show(axis.day[at], axis.hour[at]),
-            longest_day_min: Some(g.longest_day_h * 60.0),
+            longest_day_min: FixedOr0(Some(g.longest_day_h * 60.0)),
             longest_day: clock.date(g.longest_day),
-            first_hour: Some(first),
-            last_hour: Some(last),
+            first_hour: first.into(),
+            last_hour: last.into(),
         }
     }
 }
@@ -144,8 +123,8 @@ impl PointTable<'_> {
         for (i, point) in reading.points.iter().enumerate() {
             let number = group.first + i;
             let hit = &self.hits.hits[number];
-            let [x_m, y_m, z_m] = hit.position.as_dvec3().to_array();
-            let [nx, ny, nz] = hit.normal.as_dvec3().to_array();
+            let [x_m, y_m, z_m] = hit.position.as_dvec3().to_array().map(Fixed::from);
+            let [nx, ny, nz] = hit.normal.as_dvec3().to_array().map(Fixed::from);
             let mut row = PointRow {
                 group: group.name.clone(),
                 point: i,
@@ -156,22 +135,22 @@ impl PointTable<'_> {
                 ny,
                 nz,
                 stands_on: format!("{:?}", group.footing[i]).to_lowercase(),
-                area_m2: group.area_m2[i],
-                pv_distance_m: group.pv[i].as_ref().map(|pv| pv.nearest_m),
+                area_m2: group.area_m2[i].into(),
+                pv_distance_m: group.pv[i].as_ref().map(|pv| pv.nearest_m).into(),
                 ..PointRow::default()
             };
             let mut glare = vec![GlareCells::default(); reading.group.thresholds.len()];
             if let Some(p) = point {
                 let (peak, at) = p.peak;
                 let [worst, year] = p.margins;
-                row.annual_wh_m2 = Some(self.annual.data()[number]);
-                row.annual_normal_wh_m2 = Some(self.normal.data()[number]);
-                row.peak_w_m2 = Some(peak);
+                row.annual_wh_m2 = Shortest(Some(self.annual.data()[number]));
+                row.annual_normal_wh_m2 = Shortest(Some(self.normal.data()[number]));
+                row.peak_w_m2 = Shortest(Some(peak));
                 if peak > 0.0 {
                     row.peak_at = self.clock.show(self.axis.day[at], self.axis.hour[at]);
                 }
-                row.exceeded_30min_w_m2 = Some(worst);
-                row.exceeded_50h_w_m2 = Some(year);
+                row.exceeded_30min_w_m2 = Shortest(Some(worst));
+                row.exceeded_50h_w_m2 = Shortest(Some(year));
                 let cells = p.glare.iter().map(|g| GlareCells::of(g, self.clock, self.axis));
                 glare = cells.collect();
             }
@@ -187,20 +166,22 @@ pub struct OccurrenceRow {
     /// Its index.
     pub timestep: usize,
     day: u32,
-    #[serde(serialize_with = "fixed::<4, _, _>")]
-    hour: f64,
+    hour: Fixed<4>,
     at: String,
-    #[serde(serialize_with = "fixed::<2, _, _>")]
-    sun_altitude_deg: f64,
-    #[serde(serialize_with = "fixed::<2, _, _>")]
-    sun_azimuth_deg: f64,
+    sun_altitude_deg: Fixed<2>,
+    sun_azimuth_deg: Fixed<2>,
     /// The strongest irradiance at any of its points, W/m2.
-    #[serde(serialize_with = "shortest")]
-    pub strongest_w_m2: f32,
+    strongest_w_m2: Shortest,
     /// The PV surface that sends most of the light; empty where nobody was asked.
     pub pv_surface: String,
-    #[serde(serialize_with = "fixed::<3, _, _>")]
-    share: Option<f64>,
+    share: Fixed<3>,
+}
+
+impl OccurrenceRow {
+    /// The strongest irradiance at any point of the receiver, W/m2.
+    pub fn strongest_w_m2(&self) -> f32 {
+        self.strongest_w_m2.0.unwrap_or_default()
+    }
 }
 
 /// When a group is lit: a row for each timestep with light.
@@ -218,13 +199,13 @@ pub fn occurrence(
         OccurrenceRow {
             timestep: t,
             day: axis.day[t],
-            hour: axis.hour[t],
+            hour: axis.hour[t].into(),
             at: clock.show(axis.day[t], axis.hour[t]),
-            sun_altitude_deg: libm::asin(sun.z).to_degrees(),
-            sun_azimuth_deg: libm::atan2(sun.x, sun.y).to_degrees().rem_euclid(360.0),
-            strongest_w_m2: *strongest,
+            sun_altitude_deg: libm::asin(sun.z).to_degrees().into(),
+            sun_azimuth_deg: libm::atan2(sun.x, sun.y).to_degrees().rem_euclid(360.0).into(),
+            strongest_w_m2: Shortest(Some(*strongest)),
             pv_surface: name.cloned().unwrap_or_default(),
-            share: sender.map(|(_, share)| share),
+            share: sender.map(|(_, share)| share).into(),
         }
     };
     lit.map(row).collect()
@@ -236,45 +217,27 @@ struct EyeRow {
     observer: String,
     timestep: usize,
     day: u32,
-    #[serde(serialize_with = "fixed::<4, _, _>")]
-    hour: f64,
+    hour: Fixed<4>,
     at: String,
-    #[serde(serialize_with = "fixed::<2, _, _>")]
-    sun_altitude_deg: f64,
-    #[serde(serialize_with = "fixed::<2, _, _>")]
-    sun_azimuth_deg: f64,
-    #[serde(serialize_with = "scientific::<5, _>")]
-    irradiance_w_m2: f64,
-    #[serde(serialize_with = "scientific::<5, _>")]
-    irradiance_normal_w_m2: f64,
-    #[serde(serialize_with = "scientific::<5, _>")]
-    illuminance_lx: f64,
-    #[serde(serialize_with = "scientific::<5, _>")]
-    peak_cd_m2: f64,
-    #[serde(serialize_with = "scientific::<5, _>")]
-    mean_cd_m2: f64,
-    #[serde(serialize_with = "scientific::<4, _>")]
-    lit_sr: f64,
-    #[serde(serialize_with = "fixed::<2, _, _>")]
-    peak_azimuth_deg: f64,
-    #[serde(serialize_with = "fixed::<2, _, _>")]
-    peak_altitude_deg: f64,
-    #[serde(serialize_with = "fixed::<2, _, _>")]
-    off_axis_deg: f64,
-    #[serde(serialize_with = "fixed::<2, _, _>")]
-    apart_from_sun_deg: f64,
+    sun_altitude_deg: Fixed<2>,
+    sun_azimuth_deg: Fixed<2>,
+    irradiance_w_m2: Scientific<5>,
+    irradiance_normal_w_m2: Scientific<5>,
+    illuminance_lx: Scientific<5>,
+    peak_cd_m2: Scientific<5>,
+    mean_cd_m2: Scientific<5>,
+    lit_sr: Scientific<4>,
+    peak_azimuth_deg: Fixed<2>,
+    peak_altitude_deg: Fixed<2>,
+    off_axis_deg: Fixed<2>,
+    apart_from_sun_deg: Fixed<2>,
     pv_surface: String,
-    #[serde(serialize_with = "fixed::<3, _, _>")]
-    subtended_mrad: f64,
-    #[serde(serialize_with = "scientific::<4, _>")]
-    retinal_w_cm2: f64,
-    #[serde(serialize_with = "scientific::<4, _>")]
-    after_image_ratio: f64,
-    #[serde(serialize_with = "scientific::<4, _>")]
-    burn_ratio: f64,
+    subtended_mrad: Fixed<3>,
+    retinal_w_cm2: Scientific<4>,
+    after_image_ratio: Scientific<4>,
+    burn_ratio: Scientific<4>,
     hazard: &'static str,
-    #[serde(serialize_with = "scientific::<4, _>")]
-    veil_cd_m2: f64,
+    veil_cd_m2: Scientific<4>,
 }
 
 /// A day on which an observer's eye sees more than a measure allows.
@@ -284,12 +247,9 @@ struct EyeDay {
     measure: String,
     day: u32,
     date: String,
-    #[serde(serialize_with = "fixed::<2, _, _>")]
-    minutes: f64,
-    #[serde(serialize_with = "fixed::<4, _, _>")]
-    first_h: f64,
-    #[serde(serialize_with = "fixed::<4, _, _>")]
-    last_h: f64,
+    minutes: Fixed<2>,
+    first_h: Fixed<4>,
+    last_h: Fixed<4>,
 }
 
 /// Whose year, and what was exceeded; the hours of the months follow, then [`EyeSums`].
@@ -299,17 +259,11 @@ struct EyeMeasure {
     measure: String,
 }
 
-/// Hours of a month.
-#[derive(Serialize)]
-struct Hours(#[serde(serialize_with = "fixed::<4, _, _>")] f64);
-
 #[derive(Clone, Debug, Default, Serialize)]
 struct EyeSums {
-    #[serde(serialize_with = "fixed::<4, _, _>")]
-    year_h: f64,
+    year_h: Fixed<4>,
     days: u32,
-    #[serde(serialize_with = "fixed::<2, _, _>")]
-    longest_day_min: f64,
+    longest_day_min: Fixed<2>,
 }
 
 /// The tables of the observers' eyes with one material.
@@ -359,17 +313,17 @@ impl<'a> EyeTables<'a> {
                     measure,
                     day,
                     date,
-                    minutes,
-                    first_h,
-                    last_h,
+                    minutes: minutes.into(),
+                    first_h: first_h.into(),
+                    last_h: last_h.into(),
                 })?;
             }
             let sums = EyeSums {
-                year_h: time.glare.hours,
+                year_h: time.glare.hours.into(),
                 days: time.glare.days,
-                longest_day_min: time.glare.longest_day_h * 60.0,
+                longest_day_min: (time.glare.longest_day_h * 60.0).into(),
             };
-            let months = time.glare.months_h.map(Hours);
+            let months = time.glare.months_h.map(Fixed::<4>::from);
             self.months.push((EyeMeasure { observer: observer(), measure }, months, sums))?;
         }
         Ok(())
@@ -390,27 +344,27 @@ impl<'a> EyeTables<'a> {
             observer: year.name.clone(),
             timestep: t,
             day: axis.day[t],
-            hour: axis.hour[t],
+            hour: axis.hour[t].into(),
             at: self.clock.show(axis.day[t], axis.hour[t]),
-            sun_altitude_deg,
-            sun_azimuth_deg,
-            irradiance_w_m2: i.surface_w_m2,
-            irradiance_normal_w_m2: i.normal_w_m2,
-            illuminance_lx: i.surface_w_m2 * lm_per_w,
-            peak_cd_m2: i.peak.radiance_w_m2_sr * lm_per_w,
-            mean_cd_m2: i.mean_w_m2_sr() * lm_per_w,
-            lit_sr: i.lit_sr,
-            peak_azimuth_deg,
-            peak_altitude_deg,
-            off_axis_deg: apart(DVec3::from_array(year.direction)),
-            apart_from_sun_deg: apart(axis.sun[t]),
+            sun_altitude_deg: sun_altitude_deg.into(),
+            sun_azimuth_deg: sun_azimuth_deg.into(),
+            irradiance_w_m2: Scientific(i.surface_w_m2),
+            irradiance_normal_w_m2: Scientific(i.normal_w_m2),
+            illuminance_lx: Scientific(i.surface_w_m2 * lm_per_w),
+            peak_cd_m2: Scientific(i.peak.radiance_w_m2_sr * lm_per_w),
+            mean_cd_m2: Scientific(i.mean_w_m2_sr() * lm_per_w),
+            lit_sr: Scientific(i.lit_sr),
+            peak_azimuth_deg: peak_azimuth_deg.into(),
+            peak_altitude_deg: peak_altitude_deg.into(),
+            off_axis_deg: apart(DVec3::from_array(year.direction)).into(),
+            apart_from_sun_deg: apart(axis.sun[t]).into(),
             pv_surface: self.surfaces.get(usize::from(i.surface)).cloned().unwrap_or_default(),
-            subtended_mrad: i.after_image.subtended_rad * 1e3,
-            retinal_w_cm2: i.after_image.retinal_w_cm2,
-            after_image_ratio: i.after_image.after_image_ratio(),
-            burn_ratio: i.burn.burn_ratio(),
+            subtended_mrad: (i.after_image.subtended_rad * 1e3).into(),
+            retinal_w_cm2: Scientific(i.after_image.retinal_w_cm2),
+            after_image_ratio: Scientific(i.after_image.after_image_ratio()),
+            burn_ratio: Scientific(i.burn.burn_ratio()),
             hazard,
-            veil_cd_m2: i.veil_w_m2_sr * lm_per_w,
+            veil_cd_m2: Scientific(i.veil_w_m2_sr * lm_per_w),
         }
     }
 

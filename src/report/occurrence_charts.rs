@@ -68,7 +68,7 @@ fn one(
     let mut outputs = vec![png];
     let lowest = thresholds.first().copied().unwrap_or(0.0);
     let dazzling: Vec<&OccurrenceRow> =
-        lit.iter().filter(|l| l.strongest_w_m2 > lowest as f32).collect();
+        lit.iter().filter(|l| l.strongest_w_m2() > lowest as f32).collect();
     let several = dazzling.iter().any(|l| l.pv_surface != dazzling[0].pv_surface);
     if several {
         let title = format!("{}: which PV of “{}” dazzles", receiver.name, candidate.name);
@@ -158,9 +158,9 @@ impl<'a> Board<'a> {
         };
         // The strongest last: it must not be covered.
         let mut order: Vec<&OccurrenceRow> = lit.iter().collect();
-        order.sort_by_key(|l| (level(l.strongest_w_m2), l.timestep));
+        order.sort_by_key(|l| (level(l.strongest_w_m2()), l.timestep));
         chart.cells.extend(
-            order.iter().filter_map(|l| self.cell(l.timestep, color(level(l.strongest_w_m2)))),
+            order.iter().filter_map(|l| self.cell(l.timestep, color(level(l.strongest_w_m2())))),
         );
         let swatch = |color, label: String| Swatch { color, label };
         chart.key.push(swatch(NIGHT, "night, or not computed".into()));

@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 
 use super::event::Event;
 use super::list::Events;
-use crate::base::table::{Table, fixed, shortest};
+use crate::base::table::{Fixed, Shortest, Table};
 use crate::volume::TimeAxis;
 
 /// What an analysis knows of an event. Indices count from 0, `last` is inclusive, the peak comes
@@ -17,15 +17,12 @@ pub struct EventRow {
     last: u32,
     voxels: u64,
     pixels: u64,
-    #[serde(serialize_with = "shortest")]
-    peak_w_m2: f32,
+    peak_w_m2: Shortest,
     peak_timestep: u32,
     peak_row: u32,
     peak_column: u32,
-    #[serde(serialize_with = "fixed::<3, _, _>")]
-    centroid_row: f64,
-    #[serde(serialize_with = "fixed::<3, _, _>")]
-    centroid_column: f64,
+    centroid_row: Fixed<3>,
+    centroid_column: Fixed<3>,
     smallest_voxel: u64,
 }
 
@@ -36,12 +33,12 @@ impl From<&Event> for EventRow {
             last: e.last,
             voxels: e.voxels,
             pixels: e.pixels,
-            peak_w_m2: e.peak_w_m2,
+            peak_w_m2: Shortest(Some(e.peak_w_m2)),
             peak_timestep: e.peak_timestep,
             peak_row: e.peak_row,
             peak_column: e.peak_column,
-            centroid_row: e.centroid_row,
-            centroid_column: e.centroid_column,
+            centroid_row: e.centroid_row.into(),
+            centroid_column: e.centroid_column.into(),
             smallest_voxel: e.smallest_voxel,
         }
     }
@@ -52,27 +49,24 @@ impl From<&Event> for EventRow {
 #[derive(Clone, Debug, Default, Serialize)]
 pub struct EventTimes {
     first_day: u32,
-    #[serde(serialize_with = "fixed::<4, _, _>")]
-    first_hour: f64,
+    first_hour: Fixed<4>,
     last_day: u32,
-    #[serde(serialize_with = "fixed::<4, _, _>")]
-    last_hour: f64,
-    #[serde(serialize_with = "fixed::<4, _, _>")]
-    duration_h: f64,
+    last_hour: Fixed<4>,
+    duration_h: Fixed<4>,
 }
 
 impl EventTimes {
     /// The times of an event of this axis.
     pub fn of(event: &Event, axis: &TimeAxis) -> Self {
         let (first, last) = (event.first as usize, event.last as usize);
-        let hour = |at: usize| axis.hour.get(at).copied().unwrap_or_default();
+        let hour = |at: usize| axis.hour.get(at).copied().unwrap_or_default().into();
         let day = |at: usize| axis.day.get(at).copied().unwrap_or_default();
         Self {
             first_day: day(first),
             first_hour: hour(first),
             last_day: day(last),
             last_hour: hour(last),
-            duration_h: f64::from(event.last - event.first + 1) * axis.step_h,
+            duration_h: (f64::from(event.last - event.first + 1) * axis.step_h).into(),
         }
     }
 }

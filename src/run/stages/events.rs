@@ -11,7 +11,7 @@ use serde::Serialize;
 use serde_json::json;
 
 use super::stores::telling_store;
-use crate::base::table::{Table, fixed};
+use crate::base::table::{Fixed, Table};
 use crate::glare::{Analysis, Event, EventRow, EventTimes, Events, HourBounds, Regular};
 use crate::pages::{Neighbours, Query, Store};
 use crate::project::PlannedView;
@@ -170,22 +170,15 @@ fn main_sender(event: &Event, near: &Neighbours) -> Sender {
 struct EventPlace {
     first_at: String,
     last_at: String,
-    #[serde(serialize_with = "fixed::<2, _, _>")]
-    x_m: Option<f64>,
-    #[serde(serialize_with = "fixed::<2, _, _>")]
-    y_m: Option<f64>,
-    #[serde(serialize_with = "fixed::<2, _, _>")]
-    z_m: Option<f64>,
-    #[serde(serialize_with = "fixed::<2, _, _>")]
-    map_x_m: Option<f64>,
-    #[serde(serialize_with = "fixed::<2, _, _>")]
-    map_y_m: Option<f64>,
-    #[serde(serialize_with = "fixed::<2, _, _>")]
-    map_z_m: Option<f64>,
+    x_m: Fixed<2>,
+    y_m: Fixed<2>,
+    z_m: Fixed<2>,
+    map_x_m: Fixed<2>,
+    map_y_m: Fixed<2>,
+    map_z_m: Fixed<2>,
     object: String,
     pv_surface: String,
-    #[serde(serialize_with = "fixed::<3, _, _>")]
-    pv_share: Option<f64>,
+    pv_share: Fixed<3>,
 }
 
 /// What turns the numbers of an event into places, dates and names.
@@ -230,13 +223,13 @@ impl Gazetteer<'_> {
         if let Some(hit) = self.hit(event) {
             let local = hit.position.as_dvec3();
             let map = self.map(local);
-            [out.x_m, out.y_m, out.z_m] = local.to_array().map(Some);
-            [out.map_x_m, out.map_y_m, out.map_z_m] = map.to_array().map(Some);
+            [out.x_m, out.y_m, out.z_m] = local.to_array().map(Fixed::from);
+            [out.map_x_m, out.map_y_m, out.map_z_m] = map.to_array().map(Fixed::from);
             out.object = self.object(hit).to_owned();
         }
         if let Some((surface, share)) = sender {
             out.pv_surface = self.surface(surface).to_owned();
-            out.pv_share = Some(share.into());
+            out.pv_share = f64::from(share).into();
         }
         out
     }

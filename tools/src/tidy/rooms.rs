@@ -100,6 +100,10 @@ pub const CIRCLES: &[&[&str]] = &[
     // A part of a mixture may be named as a preset.
     &["bsdf/model.rs", "bsdf/presets.rs"],
     &["bsdf/tree.rs", "bsdf/tree/build.rs"],
+    // A lobe is integrated by a kernel that scatters along it.
+    &["render/reflect/direct/kernel.rs", "render/reflect/direct/lobe.rs"],
+    // A year of the mirror rule is made of what the rule finds lit.
+    &["render/reflect/mirror/rule.rs", "render/reflect/mirror/year.rs"],
     // A scene holds the crowns that are made of its faces.
     &["site/crowns.rs", "site/scene.rs"],
 ];

@@ -10,40 +10,16 @@
 
 use std::cmp::Ordering;
 use std::collections::BinaryHeap;
-use std::f64::consts::PI;
 
 use glam::DVec3;
 
+use super::glint::{Glint, SunAt};
 use super::material::{EyeMaterial, UnderSun, WAYS};
 use super::patches::{EyePv, LitPv, Root, Seen, Shining};
 use super::shine::Waiting;
 use crate::base::Frame;
 use crate::bsdf::Cone;
 use crate::render::reflect::pv::{Cell, SEEN, radius_m, solid_angle_sr};
-
-/// A patch of PV that shines at an eye.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Glint {
-    /// Unit vector from the eye to it.
-    pub towards: DVec3,
-    /// How large it looks: the part that is in sight and lit, sr.
-    pub solid_angle_sr: f64,
-    /// How bright it is, W/m2/sr.
-    pub radiance_w_m2_sr: f64,
-    /// Number of the PV surface.
-    pub surface: u16,
-}
-
-/// A sun as an eye's PV mirrors it.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct SunAt {
-    /// Unit vector to its centre.
-    pub direction: DVec3,
-    /// Direct normal irradiance, W/m2.
-    pub irradiance_w_m2: f64,
-    /// Diameter of its disc, degrees.
-    pub diameter_deg: f64,
-}
 
 /// A patch is looked at through its middle once its half vectors spread less than this share of
 /// the length over which the lobe changes: `sqrt(width^2 + tilt^2)`.
@@ -65,18 +41,6 @@ const BORDER_MISSES: f64 = 0.31;
 /// Patches of measured surfaces in which an instant is looked at, at most; the bound says what that
 /// leaves.
 const MOST_PATCHES: usize = 1 << 13;
-
-impl SunAt {
-    /// Radius of the disc, rad; a point sun is taken for a very small one.
-    pub fn radius_rad(&self) -> f64 {
-        (0.5 * self.diameter_deg.to_radians()).max(1e-4)
-    }
-
-    /// Solid angle of the disc, sr.
-    pub fn solid_angle_sr(&self) -> f64 {
-        2.0 * PI * (1.0 - libm::cos(self.radius_rad()))
-    }
-}
 
 /// What is being looked at: one triangle of PV.
 struct Looking<'a> {

@@ -1,8 +1,7 @@
 use glam::DVec3;
 
-use super::glints::Glint;
+use super::glint::{Eye, Glint};
 use super::hazard::{Hazard, veil_per_sr};
-use super::patches::Eye;
 
 /// The brightest patch that an eye sees.
 #[derive(Clone, Copy, Debug, Default, PartialEq, serde::Serialize)]

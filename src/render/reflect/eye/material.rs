@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use glam::DVec3;
 
-use super::glints::{Glint, SunAt};
+use super::glint::{Glint, SunAt};
 use super::shine::{Shine, Waiting};
 use crate::base::Frame;
 use crate::bsdf::{Bsdf, Cone, Term, on_circle};

@@ -7,6 +7,7 @@
 #![doc = ""]
 #![doc = include_str!("../../../docs/observers.md")]
 
+mod glint;
 mod glints;
 pub mod hazard;
 mod instant;
@@ -17,8 +18,8 @@ mod sweep;
 #[cfg(test)]
 mod tests;
 
-pub use glints::{Glint, SunAt};
+pub use glint::{Eye, Glint, SunAt};
 pub use instant::{Brightest, EyeInstant};
 pub use material::{EyeMaterial, UnderSun};
-pub use patches::{Eye, EyePv, LitPv, Seen};
+pub use patches::{EyePv, LitPv, Seen};
 pub use sweep::{Sweep, SweepLimits, Sweeper};

@@ -11,6 +11,7 @@ use std::ops::Range;
 
 use glam::DVec3;
 
+use super::glint::Eye;
 use super::instant::EyeInstant;
 use super::material::EyeMaterial;
 use crate::bsdf::Cone;
@@ -36,15 +37,6 @@ const LIFT_M: f64 = 2e-3;
 const BLOCK_RAD: f64 = 0.06;
 /// A cell across which a border runs.
 const BORDER: u16 = NOT_ASKED;
-
-/// An eye, or a point of a surface.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Eye {
-    /// Where, m from the local origin.
-    pub position: DVec3,
-    /// Unit vector: where it looks. Nothing behind it is seen.
-    pub direction: DVec3,
-}
 
 /// A triangle of PV and its cells among those of all.
 #[derive(Debug)]

@@ -2,7 +2,7 @@
 
 use glam::DVec3;
 
-use super::glints::{Glint, SunAt};
+use super::glint::{Glint, SunAt};
 use crate::bsdf::{Bsdf, FacetTerm, Measured, Term};
 use crate::render::reflect::lobe::FacetLobe;
 

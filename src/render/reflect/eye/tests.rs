@@ -2,11 +2,11 @@ use std::f64::consts::PI;
 
 use glam::{DVec3, Vec3};
 
-use super::glints::{Glint, SunAt};
+use super::glint::{Eye, Glint, SunAt};
 use super::hazard::{HazardZone, zone};
 use super::instant::EyeInstant;
 use super::material::EyeMaterial;
-use super::patches::{Eye, EyePv};
+use super::patches::EyePv;
 use super::sweep::{SweepLimits, Sweeper};
 use crate::base::{Frame, Purpose, Silent, SpectralBasis, Stream, Timeline, Timestep};
 use crate::bsdf::{Bsdf, Model, PRESETS, Part, on_circle, on_hemisphere};

@@ -41,6 +41,8 @@ pub fn criterion(limit: &Limit, value: f64) -> String {
 /// where the rule names no irradiance.
 pub fn limit_words(limit: &Limit, lowest_w_m2: Option<f64>) -> String {
     let value = number(limit.value, limit.quantity);
+    // A project without a threshold has no lowest one.
+    let lowest_w_m2 = lowest_w_m2.filter(|t| t.is_finite());
     let above = match (limit.threshold_w_m2, lowest_w_m2) {
         (Some(t), _) => format!(" above {t} W/m²"),
         (None, Some(t)) => format!(" above {t} W/m² (the rule names no irradiance)"),

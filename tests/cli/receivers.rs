@@ -105,7 +105,8 @@ fn receivers_are_integrated_where_the_project_says_so() {
     let (_c, counted) = run(&|p| p, "400000");
     let groups = |run: &Path| json(&run.join("receivers/receivers.json"))["groups"].clone();
     let (exact, photons) = (groups(&alone), groups(&counted));
-    for (at, allowed) in [(0, 0.15), (1, 0.2), (2, 0.05), (3, 0.05)] {
+    // Four seeds differ by 1.1, 9, 1.6 and 6.9 % (one standard deviation) at these four.
+    for (at, allowed) in [(0, 0.15), (1, 0.2), (2, 0.05), (3, 0.2)] {
         let mean = |of: &Value| of[at]["annual_mean_wh_m2"].as_f64().expect("Wh/m2");
         let (exact, photons) = (mean(&exact), mean(&photons));
         println!(

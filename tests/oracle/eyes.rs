@@ -118,7 +118,10 @@ fn mistakes_in_moments_and_seasons_are_named() {
         ("[[moment]]\ndate = \"06-14\"\ntime = \"07:30\"\nview = \"pan\"", "there are: plan"),
         ("[[moment]]\ndate = \"06-14\"\ntime = \"07:30\"\nobserver = \"Wal\"", "Wall"),
         ("[[moment]]\ndate = \"06-14\"\ntime = \"07:30\"\nview = \"-vtx\"", "view"),
-        ("[[moment]]\ndate = \"06-31\"\ntime = \"07:30\"\nview = \"plan\"", "moment.date"),
+        (
+            "[[moment]]\ndate = \"06-31\"\ntime = \"07:30\"\nview = \"plan\"",
+            "date: day: expected a date of 2018",
+        ),
         ("[[season]]\nmodifier = \"plaster\"\ntransmittance = [0.5]", "12 numbers"),
         (
             "[[season]]\nmodifier = \"plaster\"\ntransmittance = [0,0,0,0,0,0,0,0,0,0,0,2]",

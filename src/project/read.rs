@@ -56,7 +56,7 @@ pub(super) fn read(path: &Path, set: &[Assignment]) -> Result<Read, Error> {
             // A table without what it needs: all of it goes.
             Some(name) if struck.contains(&key.key(name)) => {}
             Some(name) => {
-                mistakes.push(places.mistake_at(&span, &key, &format!("`{name}` is missing")))
+                mistakes.push(places.mistake_at(&span, &key, &format!("`{name}` is missing")));
             }
             None => mistakes.push(places.mistake_at(&span, &key, &words(error.message()))),
         }

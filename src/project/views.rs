@@ -34,6 +34,7 @@ pub struct PlannedView {
 }
 
 /// What is looked at.
+#[expect(clippy::large_enum_variant, reason = "a project has a handful of views")]
 #[derive(Clone, Debug, Serialize)]
 pub enum Target {
     /// The pixels of a picture.

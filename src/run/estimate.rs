@@ -296,7 +296,7 @@ impl Load {
         self.views.iter().map(of).sum()
     }
 
-    fn stage(&self, stage: Stage, work: String, cost: Cost) -> StageEstimate {
+    fn stage(&self, stage: Stage, work: String, cost: &Cost) -> StageEstimate {
         StageEstimate {
             stage,
             work,
@@ -321,7 +321,7 @@ impl Load {
             time_s: self.steps / rate::SUNS_PER_S,
             ..Cost::default()
         };
-        self.stage(Stage::Suns, format!("{} timesteps", self.steps), cost)
+        self.stage(Stage::Suns, format!("{} timesteps", self.steps), &cost)
     }
 
     /// One material's photons wait at a time.
@@ -335,7 +335,7 @@ impl Load {
             memory: memory::TRACE + spill,
             time_s: all / rate::STORED_PER_S,
         };
-        self.stage(Stage::Trace, self.photons(), cost)
+        self.stage(Stage::Trace, self.photons(), &cost)
     }
 
     fn pages(&self) -> StageEstimate {
@@ -348,7 +348,7 @@ impl Load {
             memory: sorted.min(self.budget * memory::SORTED_PART),
             time_s: all / rate::SORTED_PER_S,
         };
-        self.stage(Stage::Pages, self.photons(), cost)
+        self.stage(Stage::Pages, self.photons(), &cost)
     }
 
     fn render(&self, materials: &[Candidate]) -> StageEstimate {
@@ -370,7 +370,7 @@ impl Load {
             time_s: seen_s + direct_s + candidates * gathered_s,
         };
         let work = format!("{pixels} pixels, {steps} timesteps, {candidates} materials");
-        self.stage(Stage::Render, work, cost)
+        self.stage(Stage::Render, work, &cost)
     }
 
     fn glare(&self) -> StageEstimate {
@@ -384,7 +384,7 @@ impl Load {
             ..Cost::default()
         };
         let work = format!("{} voxels at {} thresholds", voxels as u64, self.thresholds);
-        self.stage(Stage::Glare, work, cost)
+        self.stage(Stage::Glare, work, &cost)
     }
 
     fn pictures(&self) -> StageEstimate {
@@ -398,7 +398,7 @@ impl Load {
             ..Cost::default()
         };
         let count = (self.candidates * self.pictures * of_view) as u64;
-        self.stage(Stage::Pictures, format!("{count} pictures"), cost)
+        self.stage(Stage::Pictures, format!("{count} pictures"), &cost)
     }
 
     fn report(&self) -> StageEstimate {
@@ -409,7 +409,7 @@ impl Load {
             time_s: rate::REPORT_S,
             ..Cost::default()
         };
-        self.stage(Stage::Report, "one document".into(), cost)
+        self.stage(Stage::Report, "one document".into(), &cost)
     }
 }
 

@@ -272,9 +272,9 @@ impl Lattice {
             for _ in 0..HALVINGS {
                 let t = 0.5 * (near + far);
                 if sees(self.inside(corners[i].lerp(to, t))) == said[i] {
-                    near = t
+                    near = t;
                 } else {
-                    far = t
+                    far = t;
                 }
             }
             self.inside(corners[i].lerp(to, 0.5 * (near + far)))

@@ -1,7 +1,7 @@
 //! From the sun to the place where a photon lands.
 //!
 //! Only the PV emits, and only what may land. The BSDF is drawn from a unit square for each of its
-//! lobes ([`Chart`]); for each sun and PV surface these are cut into smaller squares, those with
+//! lobes (`Chart`); for each sun and PV surface these are cut into smaller squares, those with
 //! the largest waste first, and a square is kept only for those pieces of the surface from which a
 //! cone that holds all its directions, for all of the sun's disc, doesn't clear the horizon: a
 //! conservative one, for each piece and compass direction, of what lies within the path limit. So
@@ -15,17 +15,17 @@
 //! flies to where it lands. Whoever survives carries the same flux, `sum(E A W) / N`.
 //!
 //! What falls onto the PV and what it scatters follow from integrals over sun, disc and BSDF; what
-//! no photon carried of it was [`Fate::NotSampled`], so the tally closes. The blocked flux counts
+//! no photon carried of it was `Fate::NotSampled`, so the tally closes. The blocked flux counts
 //! the shadow on photons that would have flown towards the neighbourhood alone: the others aren't
 //! asked.
 //!
 //! [`Through`] virtual sensors in free air photons are sent in a run of their own, aimed at them
 //! alone: what lands, and what is stored of it, doesn't depend on who stands in the air. What can't
-//! cross a virtual sensor is [`Fate::NotSampled`] there, what lands before it does
-//! [`Fate::Escaped`].
+//! cross a virtual sensor is `Fate::NotSampled` there, what lands before it does
+//! `Fate::Escaped`.
 //!
-//! [`Fate::Escaped`]: crate::base::Fate::Escaped [`Fate::NotSampled`]:
-//! crate::base::Fate::NotSampled [`Chart`]: crate::bsdf::Chart
+//! `Fate::Escaped`: crate::base::Fate::Escaped `Fate::NotSampled`:
+//! crate::base::Fate::NotSampled `Chart`: crate::bsdf::Chart
 
 mod aim;
 mod batch;

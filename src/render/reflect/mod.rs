@@ -1,9 +1,9 @@
 //! The integral over the PV, without photons: for the pixels of a view ([`direct_series`]), for eyes
 //! ([`eye`]), and for the mirror rule of the authorities ([`MirrorRule`]).
 //!
-//! The PV seen from a point exists once for all of them: its sides that shine ([`facet`]), their cells
-//! and what something sees of them ([`pv`]), the sun's disc ([`disc`]), lobes of microfacets ([`lobe`])
-//! and measured BSDFs under that disc ([`sunlit`]).
+//! The PV seen from a point exists once for all of them: its sides that shine (`facet`), their cells
+//! and what something sees of them (`pv`), the sun's disc (`disc`), lobes of microfacets (`lobe`)
+//! and measured BSDFs under that disc (`sunlit`).
 
 pub(in crate::render) mod direct;
 pub(in crate::render) mod disc;

@@ -1,3 +1,6 @@
+//! The one type that the rest of the program scatters by: a model, a measured side, or a mixture, with
+//! the same questions to each (bound, sample, evaluate, reflectance).
+
 use std::f64::consts::FRAC_1_PI;
 
 use glam::DVec3;

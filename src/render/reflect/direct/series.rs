@@ -1,3 +1,6 @@
+//! Direct integration for all pixels of a view, tile by tile: year, series and error bound in one pass;
+//! tiles that are finished aren't integrated again when a run is resumed.
+
 use std::ops::Range;
 use std::sync::Mutex;
 

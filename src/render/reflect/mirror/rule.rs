@@ -1,3 +1,6 @@
+//! The mirror rule at a receiver: for each PV surface the suns whose mirror image falls into the eye, with
+//! nothing in the way of the sun or of the reflection, and far enough from the sun itself (LAI 2015).
+
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 use glam::DVec3;

@@ -1,3 +1,6 @@
+//! The suns of a year for the mirror rule, sorted by where they stand: so a receiver asks only for those
+//! that a PV surface can mirror into it, instead of going through every minute of the year.
+
 use std::ops::Range;
 
 use glam::DVec3;
